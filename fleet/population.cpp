@@ -1,12 +1,11 @@
 #include "fleet/population.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <optional>
 #include <stdexcept>
 #include <unordered_map>
 
+#include "fleet/internal/plain_number.h"
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -18,13 +17,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kShownUnits = 5;
-
-std::optional<double> number_of(const std::string& text) {
-  double value = 0.0;
-  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  const bool whole = error == std::errc{} && stop == text.data() + text.size();
-  return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
-}
 
 /// One estimate of a parameter, before the recordings of a unit are put together.
 struct Sample {
@@ -59,7 +51,7 @@ Collected collect(FleetStore& store) {
     ++out.used;
     std::map<std::string, double> covariates;
     for (const auto& [name, text] : row.job.covariates) {
-      if (const auto value = number_of(text)) covariates[name] = *value;
+      if (const auto value = plain_number(text)) covariates[name] = *value;
     }
     for (const RowParameter& p : parameters_of(row.row.parameters)) {
       const auto [at, is_new] = known.try_emplace(p.name, out.parameters.size());

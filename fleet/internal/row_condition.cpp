@@ -1,11 +1,11 @@
 #include "fleet/internal/row_condition.h"
 
-#include <charconv>
 #include <cmath>
 #include <numeric>
 #include <optional>
 #include <unordered_map>
 
+#include "fleet/internal/plain_number.h"
 #include <fmt/format.h>
 
 #include "lib/base/error.h"
@@ -59,13 +59,6 @@ const Column& column_called(const std::string& name, const Table& table) {
                    did_you_mean(name, table.column_names()));
 }
 
-std::optional<double> number_of(const std::string& text) {
-  double value = 0.0;
-  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || stop != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
 bool holds(const std::string& sign, double x, double value) {
   if (std::isnan(x)) return false;
   if (sign == "=") return x == value;
@@ -78,7 +71,7 @@ bool holds(const std::string& sign, double x, double value) {
 void keep_where(const Condition& comparison, std::string_view text, const Table& table,
                 std::vector<std::size_t>& rows) {
   const Column& column = column_called(comparison.column, table);
-  if (const std::optional<double> value = number_of(comparison.value)) {
+  if (const std::optional<double> value = plain_number(comparison.value)) {
     std::erase_if(
         rows, [&](std::size_t row) { return !holds(comparison.sign, column.values[row], *value); });
     return;

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/internal/csv_lines.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/report.h"

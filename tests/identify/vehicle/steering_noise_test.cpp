@@ -20,7 +20,7 @@ using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
 using ::testing::HasSubstr;
 
-constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kSteeringDegree = std::numbers::pi / 180.0;
 
 // Through a town at 30 to 60 km/h with turns of a few degrees: 24 slow sines, 60 s at 50 Hz. Sensors
 // of r .12 deg/s, ay .06 m/s^2 or vy .025 m/s.
@@ -32,7 +32,7 @@ struct TownDrive {
 TownDrive town_drive(std::uint64_t seed) {
   Random random(seed);
   std::vector<std::array<double, 3>> sines;
-  const double size = (1.0 + 3.0 * random.uniform()) * kDegree;
+  const double size = (1.0 + 3.0 * random.uniform()) * kSteeringDegree;
   for (int i = 0; i < 24; ++i) {
     const double f = 0.02 * std::pow(40.0, random.uniform());
     sines.push_back({size * std::sqrt(0.1 / (f + 0.05)) * random.uniform(),
@@ -59,7 +59,7 @@ TownDrive town_drive(std::uint64_t seed) {
            [&](Eigen::Index t, const Motion& at, double) {
              data.y.col(t) << at.r, outputs[1] == "ay" ? at.ay : at.vy;
            });
-  data = with_noise(data, {0.12 * kDegree, outputs[1] == "ay" ? 0.06 : 0.025}, seed + 1);
+  data = with_noise(data, {0.12 * kSteeringDegree, outputs[1] == "ay" ? 0.06 : 0.025}, seed + 1);
   return {data, sladka2010_model(outputs)};
 }
 
@@ -120,7 +120,7 @@ TEST(SteeringNoise, ThatMovesTheValuesIsNotOk) {
     const TownDrive drive = town_drive(2000 + seed);
     const VehicleEstimate without = fit_vehicle(drive.model, drive.exact, of_noise_alone());
     for (const double sd : {0.05, 0.1, 0.3}) {
-      const Dataset data = with_steering_noise(drive.exact, sd * kDegree, seed);
+      const Dataset data = with_steering_noise(drive.exact, sd * kSteeringDegree, seed);
       const VehicleEstimate fit = fit_vehicle(drive.model, data);
       const double bias = largest_bias(fit, without);
       if (bias < 0.05) continue;
@@ -128,7 +128,7 @@ TEST(SteeringNoise, ThatMovesTheValuesIsNotOk) {
       ok += fit.status == Status::ok;
       stated += finding(fit, FindingCode::steering_noise) != nullptr;
       Model known = drive.model;
-      as_vehicle(known).steering_noise = sd * kDegree;
+      as_vehicle(known).steering_noise = sd * kSteeringDegree;
       before += bias;
       after += largest_bias(fit_vehicle(known, data, of_noise_alone()), without);
     }
@@ -147,7 +147,7 @@ TEST(SteeringNoise, ThatMovesTheValuesIsNotOk) {
 TEST(SteeringNoise, IsNotWhatTheDriverDoes) {
   const Eigen::VectorXd time = uniform_time(60.0, 50.0);
   Random random(4);
-  const Eigen::VectorXd tremble = 2.0 * kDegree * random.normal(time.size());
+  const Eigen::VectorXd tremble = 2.0 * kSteeringDegree * random.normal(time.size());
   const auto angle = [&](double t) {
     const auto k = std::min(static_cast<Eigen::Index>(t * 50.0), time.size() - 2);
     const double s = t * 50.0 - static_cast<double>(k);
@@ -155,14 +155,14 @@ TEST(SteeringNoise, IsNotWhatTheDriverDoes) {
   };
   const Dataset data = with_noise(record({}, time, {"r", "ay"}, angle, [](double) { return 20.0; }),
                                   {0.002, 0.06}, 5);
-  EXPECT_GT(white_noise_sd({data.u.row(0)}, 0.02), 1.8 * kDegree);
+  EXPECT_GT(white_noise_sd({data.u.row(0)}, 0.02), 1.8 * kSteeringDegree);
   const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r", "ay"}), data);
   EXPECT_EQ(finding(fit, FindingCode::steering_noise), nullptr);
 }
 
 TEST(SteeringNoise, IsNamedAndCorrectedFor) {
   const TownDrive drive = town_drive(7);
-  const Dataset data = with_steering_noise(drive.exact, 0.3 * kDegree, 8);
+  const Dataset data = with_steering_noise(drive.exact, 0.3 * kSteeringDegree, 8);
   const VehicleEstimate fit = fit_vehicle(drive.model, data);
   const Finding* noise = finding(fit, FindingCode::steering_noise);
   ASSERT_NE(noise, nullptr);
@@ -171,7 +171,7 @@ TEST(SteeringNoise, IsNamedAndCorrectedFor) {
   EXPECT_THAT(noise->changes.front().model,
               HasSubstr("inputs: {steering_wheel_angle: {noise: 0.0"));
   Model known = drive.model;
-  as_vehicle(known).steering_noise = 0.3 * kDegree;
+  as_vehicle(known).steering_noise = 0.3 * kSteeringDegree;
   const VehicleEstimate corrected = fit_vehicle(known, data);
   noise = finding(corrected, FindingCode::steering_noise);
   ASSERT_NE(noise, nullptr);

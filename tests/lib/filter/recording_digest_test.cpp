@@ -17,11 +17,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-double relative(const MatrixXd& a, const MatrixXd& b) {
+double relative_to(const MatrixXd& a, const MatrixXd& b) {
   return (a - b).cwiseAbs().maxCoeff() / std::max(1e-300, b.cwiseAbs().maxCoeff());
 }
 
-struct Case {
+struct DigestCase {
   StateSpace model;
   MatrixXd y, u;
   std::vector<StateSpace> derivatives;
@@ -29,7 +29,7 @@ struct Case {
 
 // The greatest relative difference of value, gradient and information, of a likelihood at another
 // point than the digest was made for.
-double difference(const Case& c, InitialState initial) {
+double difference(const DigestCase& c, InitialState initial) {
   const RecordingDigest digest = digest_of(c.y, c.u, c.model);
   StateSpace other = c.model;
   other.Q *= 1.3;
@@ -43,7 +43,7 @@ double difference(const Case& c, InitialState initial) {
   EXPECT_EQ(b.status, FilterStatus::ok);
   if (b.status != FilterStatus::ok) return HUGE_VAL;
   return std::max({std::abs(a.value - b.value) / std::abs(a.value),
-                   relative(b.gradient, a.gradient), relative(b.information, a.information)});
+                   relative_to(b.gradient, a.gradient), relative_to(b.information, a.information)});
 }
 
 StateSpace local_level(double q, double r) {
@@ -65,7 +65,7 @@ TEST(RecordingDigest, GivesTheLikelihoodOfTheRecording) {
   for (std::uint64_t seed = 1; seed <= 24; ++seed) {
     Random random(seed);
     const Index n = 1 + static_cast<Index>(seed % 6), nu = static_cast<Index>(seed % 3);
-    Case c;
+    DigestCase c;
     c.model = random_model(random, n, nu, 1 + static_cast<Index>(seed % 2), 1);
     const Index N = 20000;
     c.u = random_matrix(random, nu, N);
@@ -92,7 +92,7 @@ TEST(RecordingDigest, GivesTheLikelihoodOfTheRecording) {
 
 TEST(RecordingDigest, OfOutputsThatDriftIsOfANominalFiltersInnovations) {
   Random random(3);
-  Case c;
+  DigestCase c;
   c.model = local_level(1.0, 4.0);
   c.y.resize(1, 5000);
   c.u.resize(0, 5000);
@@ -164,7 +164,7 @@ TEST(RecordingDigest, WhatHasNoneIsRefused) {
 // A filter that remembers longer than the digest reaches has no likelihood, and that is told.
 TEST(RecordingDigest, SlowerFiltersAreBeyondIt) {
   Random random(8);
-  Case c;
+  DigestCase c;
   c.model = local_level(1.0, 1.0);
   c.model.A(0, 0) = 0.9999;
   const MatrixXd u(0, 20000);
