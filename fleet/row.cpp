@@ -175,27 +175,4 @@ std::vector<RowFinding> findings_of(const std::string& json) {
   return out;
 }
 
-RowCorrelation correlation_of(const std::string& json) {
-  RowCorrelation out;
-  const Json all = parsed(json);
-  if (!all.is_object() || !all.contains("names") || !all.contains("rows") ||
-      !all["rows"].is_array()) {
-    return out;
-  }
-  for (const auto& name : all["names"]) {
-    out.names.push_back(name.is_string() ? name.get<std::string>() : std::string());
-  }
-  const auto k = static_cast<Eigen::Index>(out.names.size());
-  out.matrix = Eigen::MatrixXd::Constant(k, k, kNone);
-  for (Eigen::Index i = 0; i < k && i < static_cast<Eigen::Index>(all["rows"].size()); ++i) {
-    const Json& row = all["rows"][static_cast<std::size_t>(i)];
-    if (!row.is_array()) continue;
-    for (Eigen::Index j = 0; j < k && j < static_cast<Eigen::Index>(row.size()); ++j) {
-      const Json& value = row[static_cast<std::size_t>(j)];
-      if (value.is_number()) out.matrix(i, j) = value.get<double>();
-    }
-  }
-  return out;
-}
-
 }  // namespace identikal

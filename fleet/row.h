@@ -60,10 +60,4 @@ struct RowFinding {
 };
 std::vector<RowFinding> findings_of(const std::string& json);
 
-struct RowCorrelation {
-  std::vector<std::string> names;
-  Eigen::MatrixXd matrix;
-};
-RowCorrelation correlation_of(const std::string& json);
-
 }  // namespace identikal
