@@ -81,6 +81,7 @@ constexpr NamedVerb kVerbs[] = {
     {"handling", handling_verb},
     {"forecast", forecast_verb},
     {"digest", digest_verb},
+    {"model", model_verb},
     // Verbs of a verb: "fleet tune" is two words of a command line.
     {"fleet tune", fleet_tune_verb},
     {"fleet fit", fleet_fit_verb},

@@ -212,11 +212,19 @@ void add_quiet(Verb& verb, bool& quiet) {
 void add_result(Verb& verb, ResultOptions& result) {
   add_output(verb, result.folder);
   add_json(verb, result.json);
-  add_flag(verb, "--strict", result.strict, "End with exit status 4 when there are warnings.");
+  add_strict(verb, result.strict);
+}
+
+void add_strict(Verb& verb, bool& strict) {
+  add_flag(verb, "--strict", strict, "End with exit status 4 when there are warnings.");
 }
 
 void add_result_with_page(Verb& verb, ResultOptions& result) {
   add_result(verb, result);
+  add_page(verb, result);
+}
+
+void add_page(Verb& verb, ResultOptions& result) {
   add_file(verb, "--report", result.page, "Write everything as one HTML page to this file.");
   add_quiet(verb, result.quiet);
   result.has_page = true;

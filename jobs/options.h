@@ -109,6 +109,9 @@ struct ResultOptions {
 void add_output(Verb& verb, std::string& folder);
 void add_json(Verb& verb, bool& json);
 void add_quiet(Verb& verb, bool& quiet);
+void add_strict(Verb& verb, bool& strict);
+/// --report and --quiet.
+void add_page(Verb& verb, ResultOptions& result);
 /// -o, --json and --strict.
 void add_result(Verb& verb, ResultOptions& result);
 /// The same with --report and --quiet: verbs whose results are drawn.

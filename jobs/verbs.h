@@ -18,5 +18,6 @@ Verb simulate_verb();
 Verb handling_verb();
 Verb forecast_verb();
 Verb digest_verb();
+Verb model_verb();
 
 }  // namespace identikal

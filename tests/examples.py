@@ -26,6 +26,9 @@ VARIABLES = {
         "p": ("Eigen::VectorXd", "lib/model/state_space.h"),  # its parameters
         "noise": ("FilterNoise", "lib/nonlinear/filter.h"),  # its noise and start
         "car": ("SingleTrack<>", "lib/vehicle/single_track.h"),
+        "sums": ("LaggedProducts", "lib/subspace/lagged_products.h"),
+        "predictor": ("Predictor", "lib/subspace/predictor.h"),
+        "states": ("Realisation", "lib/subspace/realisation.h"),
     },
     "identify": {
         "y": ("Eigen::MatrixXd", "lib/data/dataset.h"),  # outputs x samples

@@ -12,9 +12,9 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 ORDER = {
     # lib/internal: what all rooms of lib share and nobody else sees.
-    "lib": ["internal", "", "base", "data", "formula", "model", "filter", "nonlinear", "statistics", "regression", "vehicle"],
+    "lib": ["internal", "", "base", "data", "formula", "model", "filter", "nonlinear", "statistics", "subspace", "regression", "vehicle"],
     "solvers": [""],
-    "identify": ["estimate", "population", "model", "result", "survey", "regression", "filter", "report", "noise", "colour", "vehicle", "handling",
+    "identify": ["estimate", "population", "model", "result", "survey", "regression", "filter", "report", "noise", "colour", "black_box", "vehicle", "handling",
                  "simulation", "validation", "optimality"],
     "studies": [""],
     "jobs": [""],

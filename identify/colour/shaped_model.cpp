@@ -305,8 +305,12 @@ std::string channels_text(const char* key, const std::vector<ChannelSource>& cha
   std::string out = fmt::format("{}: [", key);
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const ChannelSource& c = channels[i];
-    out += fmt::format("{}{{name: {}, column: {}{}}}", i > 0 ? ", " : "", in_quotes(c.name),
+    out += fmt::format("{}{{name: {}, column: {}{}", i > 0 ? ", " : "", in_quotes(c.name),
                        in_quotes(c.column), c.unit.empty() ? "" : ", unit: " + in_quotes(c.unit));
+    if (c.scale != 1.0) out += ", scale: " + number_text(c.scale);
+    if (c.offset != 0.0) out += ", offset: " + number_text(c.offset);
+    if (c.delay != 0.0) out += ", delay: " + number_text(c.delay) + " s";
+    out += "}";
   }
   return out + "]\n";
 }

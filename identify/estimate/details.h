@@ -81,6 +81,47 @@ struct Forecast {
   Eigen::MatrixXd low, high;              ///< 95 % of the measurements lie between
 };
 
+/// A model from data alone: what was tried, what was chosen (identify/black_box/black_box.h).
+struct BlackBox {
+  std::string purpose;          ///< "simulation" or "prediction"
+  int order = 0;                ///< states of the model that was chosen
+  std::string refinement;       ///< how it was found: "states", "simulation" or "prediction_error"
+  long lags = 0;                ///< rows that the predictor behind all of them looks back
+  double held_out_share = 0.0;  ///< of every recording, at its end, that candidates were judged on
+  Eigen::VectorXd singular_values;  ///< what each state says of the outputs to come, falling
+  struct Candidate {
+    int order = 0;
+    std::string refinement;
+    double bic = kNone;  ///< of the one-step predictions, k log(rows) - 2 L
+    /// Fit of the held-out rows in per cent, mean over the outputs.
+    double simulation_fit = kNone, prediction_fit = kNone;
+  };
+  std::vector<Candidate> candidates;
+  /// Of A; one of each conjugate pair.
+  struct Pole {
+    double real = kNone, imaginary = kNone, real_se = kNone, imaginary_se = kNone;
+    double frequency = kNone;      ///< [rad/s]: of the pole in continuous time, |log(pole)|/dt
+    double damping = kNone;        ///< of it, -Re/|.|
+    double time_constant = kNone;  ///< [s]: 1/-Re of it
+  };
+  std::vector<Pole> poles;
+  /// The model's signals are deviations from it.
+  struct OperatingPoint {
+    std::string channel, unit;
+    double value = kNone;
+  };
+  std::vector<OperatingPoint> operating_point;
+  /// Rows after which an input is first seen in any output.
+  struct Delay {
+    std::string input;
+    long rows = 0;
+  };
+  std::vector<Delay> delays;
+  std::vector<std::string> inputs, outputs;
+  Eigen::MatrixXd gain,
+      gain_se;  ///< outputs x inputs: in the steady state, SI; kNone where it has none
+};
+
 /// How noise or coefficients were estimated from sample to sample, in the parameters' units.
 struct TimeHistory {
   std::vector<std::string> names, units;  ///< of the free parameters

@@ -36,6 +36,7 @@ ResultSections sections_of(const StoredEstimate& result) {
   out.posterior = if_any(result.posterior);
   out.time_history = if_any(result.time_history);
   out.forecast = if_any(result.forecast);
+  out.black_box = if_any(result.black_box);
   out.shaping = if_any(result.shaping);
   out.minimum_rank = if_any(result.minimum_rank);
   out.survey = if_any(result.survey);
@@ -113,6 +114,12 @@ ResultSections sections_of(const HandlingReport& result) {
 ResultSections sections_of(const OutputForecast& result) {
   ResultSections out = sections_of(static_cast<const FilterEstimate&>(result));
   out.forecast = &result.forecast;
+  return out;
+}
+
+ResultSections sections_of(const BlackBoxEstimate& result) {
+  ResultSections out = sections_of(static_cast<const FilterEstimate&>(result));
+  out.black_box = &result.black_box;
   return out;
 }
 

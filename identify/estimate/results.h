@@ -39,6 +39,7 @@ struct StoredEstimate : FilterEstimate {
   std::optional<VehicleSurvey> survey;
   std::optional<HandlingSheet> handling;
   std::optional<Forecast> forecast;
+  std::optional<BlackBox> black_box;
 };
 
 /// Of tune, and of fit where the model is a filter.
@@ -104,6 +105,11 @@ struct OutputForecast : FilterEstimate {
   Forecast forecast;
 };
 
+/// Of model: a model from data alone, and the filter that it is.
+struct BlackBoxEstimate : FilterEstimate {
+  BlackBox black_box;
+};
+
 /// A result section by section, as files, pages and the console show it. Sections that a job does
 /// not have are null. It refers to the result.
 ///
@@ -127,6 +133,7 @@ struct ResultSections {
   const VehicleSurvey* survey = nullptr;
   const HandlingSheet* handling = nullptr;
   const Forecast* forecast = nullptr;
+  const BlackBox* black_box = nullptr;
   const ModelSource* model_file = nullptr;  ///< of a result that is written: jobs with one model
 };
 
@@ -143,5 +150,6 @@ ResultSections sections_of(const CramerRaoBound& result);
 ResultSections sections_of(const SurveyReport& result);
 ResultSections sections_of(const HandlingReport& result);
 ResultSections sections_of(const OutputForecast& result);
+ResultSections sections_of(const BlackBoxEstimate& result);
 
 }  // namespace identikal

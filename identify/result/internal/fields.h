@@ -310,6 +310,65 @@ void describe(Fields& fields, Forecast& forecast) {
 }
 
 template <class Fields>
+void describe(Fields& fields, BlackBox::Candidate& candidate) {
+  fields.is("BlackBoxCandidate", "A model that was tried.");
+  fields("order", candidate.order, "number of states");
+  fields("refinement", one_of(candidate.refinement, {"states", "simulation", "prediction_error"}),
+         "how its matrices were found");
+  fields("bic", candidate.bic, "of its one-step predictions");
+  fields("simulation_fit", candidate.simulation_fit, "of held-out rows, mean over the outputs [%]");
+  fields("prediction_fit", candidate.prediction_fit, "the same, one step ahead [%]");
+}
+
+template <class Fields>
+void describe(Fields& fields, BlackBox::Pole& pole) {
+  fields.is("BlackBoxPole", "A pole; one of each conjugate pair.");
+  fields("real", pole.real, "real part");
+  fields("imaginary", pole.imaginary, "imaginary part");
+  fields("real_se", pole.real_se, "its standard error");
+  fields("imaginary_se", pole.imaginary_se, "its standard error");
+  fields("frequency", pole.frequency, "of the pole in continuous time [rad/s]");
+  fields("damping", pole.damping, "of the pole in continuous time");
+  fields("time_constant", pole.time_constant, "of the pole in continuous time [s]");
+}
+
+template <class Fields>
+void describe(Fields& fields, BlackBox::OperatingPoint& point) {
+  fields.is("OperatingPointOfChannel", "What the model's signals are deviations from.");
+  fields("channel", point.channel, "name of the input or output");
+  fields("unit", point.unit, "its unit");
+  fields("value", point.value, "in that unit");
+}
+
+template <class Fields>
+void describe(Fields& fields, BlackBox::Delay& delay) {
+  fields.is("InputDelay", "When an input is first seen.");
+  fields("input", delay.input, "name of the input");
+  fields("rows", delay.rows, "rows after which some output shows it");
+}
+
+template <class Fields>
+void describe(Fields& fields, BlackBox& box) {
+  fields.is("BlackBox", "A model from data alone: what was tried, what was chosen.");
+  fields("purpose", one_of(box.purpose, {"simulation", "prediction"}), "what it is to be good at");
+  fields("order", box.order, "number of states");
+  fields("refinement", one_of(box.refinement, {"states", "simulation", "prediction_error"}),
+         "how its matrices were found");
+  fields("lags", box.lags, "rows that the predictor behind all candidates looks back");
+  fields("held_out_share", box.held_out_share,
+         "of every recording, that candidates were judged on");
+  fields("singular_values", box.singular_values, "what each state says of the outputs to come");
+  fields("candidates", box.candidates, "all that was tried");
+  fields("poles", box.poles, "of the model");
+  fields("operating_point", box.operating_point, "what its signals are deviations from");
+  fields("delays", box.delays, "of the inputs");
+  fields("input_names", box.inputs, "columns of gain");
+  fields("output_names", box.outputs, "rows of gain");
+  fields("gain", box.gain, "in the steady state, SI");
+  fields("gain_se", box.gain_se, "standard errors");
+}
+
+template <class Fields>
 void describe(Fields& fields, Shaping::Pole& pole) {
   fields.is("Shaping.Pole", "One of a pair of poles.");
   fields("frequency", pole.frequency, "frequency [rad/s]");

@@ -100,6 +100,7 @@ void add_new_keys(Json& result) {
   };
   add("", "handling", nullptr);
   add("", "forecast", nullptr);
+  add("", "black_box", nullptr);
   add("objective", "diffuse_samples", 0);
   add("objective", "leading", Json::array());
   add("objective", "bic_values", nullptr);

@@ -28,6 +28,7 @@ struct WholeFile {
   Section<VehicleSurvey> survey;
   Section<HandlingSheet> handling;
   Section<Forecast> forecast;
+  Section<BlackBox> black_box;
   std::string version = IDENTIKAL_VERSION;  ///< of the program that writes it
   int exit = 0;
   double timing_s = kNone;
@@ -51,7 +52,8 @@ inline WholeFile file_to_write(const ResultSections& r) {
           {r.bound, nullptr},          {r.posterior, nullptr},
           {r.time_history, nullptr},   {r.shaping, nullptr},
           {r.minimum_rank, nullptr},   {r.survey, nullptr},
-          {r.handling, nullptr},       {r.forecast, nullptr}};
+          {r.handling, nullptr},       {r.forecast, nullptr},
+          {r.black_box, nullptr}};
 }
 
 /// Where a reader puts what it finds.
@@ -71,7 +73,8 @@ inline WholeFile file_to_read(StoredEstimate& e) {
           {nullptr, &e.minimum_rank},
           {nullptr, &e.survey},
           {nullptr, &e.handling},
-          {nullptr, &e.forecast}};
+          {nullptr, &e.forecast},
+          {nullptr, &e.black_box}};
 }
 
 // Sections that say what the result is and what it rests on.
@@ -82,7 +85,7 @@ void describe_origin(Fields& fields, WholeFile& file) {
   fields("version", file.version, "version of the program");
   fields("verb",
          one_of(e.verb, {"tune", "track", "shape", "fit", "check", "bound", "info", "filter",
-                         "compare", "validate", "handling", "forecast"}),
+                         "compare", "validate", "handling", "forecast", "model"}),
          "verb that was run");
   fields("model", e.model_name, "name of the model");
   fields.group("status", "whether the result may be used", [&](auto& status) {
@@ -143,6 +146,7 @@ void describe_details(Fields& fields, WholeFile& file) {
   fields("survey", file.survey, "info --vehicle only");
   fields("handling", file.handling, "verb handling only");
   fields("forecast", file.forecast, "verb forecast only");
+  fields("black_box", file.black_box, "verb model only");
 }
 
 /// Every section in the order of the file.

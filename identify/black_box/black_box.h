@@ -1,0 +1,58 @@
+// Which linear model do recordings of inputs and outputs ask for, when nobody brings one? Order, matrices and
+// noise together, with their errors.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "identify/estimate/results.h"
+#include "identify/model/model.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+enum class BlackBoxPurpose {
+  automatic,   ///< simulation where there are inputs
+  simulation,  ///< outputs from inputs alone
+  prediction,  ///< the next row from all before
+};
+
+struct BlackBoxOptions {
+  int least_order = 1, most_order = 12;
+  BlackBoxPurpose purpose = BlackBoxPurpose::automatic;
+  /// Of every recording, at its end, that candidates are judged on. The model that is chosen is estimated anew
+  /// from all rows. Above 0, below 0.8.
+  double held_out_share = 0.3;
+  /// Called with what it does. @return false to stop with InputError
+  std::function<bool(const std::string& what)> progress = {};
+};
+
+/// The model, and what the filter that it is makes of the recordings.
+struct BlackBoxResult {
+  BlackBoxEstimate estimate;
+  Model model;
+};
+
+/// x(t+1) = A x + B u + K e, y = C x + D u + e, of deviations from the operating point.
+///
+/// 1. A regularised predictor of many lags, its smoothness by empirical Bayes (lib/subspace/predictor.h).
+/// 2. States of all orders by canonical variates (lib/subspace/realisation.h).
+/// 3. Every order from the first rows of the recordings, with B and D by regression or by simulation; the
+///    order by the fit of the held-out rows (simulation) or by BIC (prediction).
+/// 4. The one that is chosen by the prediction error method from all rows (lib/subspace/prediction_error.h);
+///    where simulation is the purpose, kept where it does better on held-out rows.
+///
+/// Example:
+///
+///     const BlackBoxResult motor = estimate_black_box(model, recordings, {.most_order = 8});
+///     std::printf("%d states: %s\n", motor.estimate.black_box.order, motor.estimate.message.c_str());
+///
+/// @param channels    whose name, inputs, outputs and time are taken, nothing else
+/// @param recordings  of these channels, on one sampling grid; outputs may miss samples, inputs not
+/// @throws InputError for a channel that never changes, and for recordings too short for any model
+/// @throws std::invalid_argument for options outside of their limits
+BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Dataset>& recordings,
+                                  const BlackBoxOptions& options);
+
+}  // namespace identikal

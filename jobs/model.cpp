@@ -1,0 +1,269 @@
+// model: which linear model do recordings of inputs and outputs ask for, when nobody brings one?
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "jobs/output_files.h"
+#include "jobs/quantity.h"
+#include "jobs/run.h"
+#include "jobs/verbs.h"
+#include <fmt/format.h>
+
+#include "identify/black_box/black_box.h"
+#include "identify/colour/shaped_model.h"
+#include "identify/filter/pictures.h"
+#include "identify/model/builder.h"
+#include "identify/result/file_digest.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+constexpr const char* kModelFile = "model.yaml";
+
+struct BlackBoxVerbOptions {
+  RecordingOptions recordings;
+  ResultOptions result;
+  std::string inputs, outputs, time, step, orders, purpose = "automatic", hold_out = "30%";
+};
+
+std::vector<std::string> names_in(const std::string& option, const std::string& list) {
+  std::vector<std::string> out;
+  for (std::size_t begin = 0; !list.empty() && begin <= list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    std::string name = list.substr(begin, end - begin);
+    name.erase(0, name.find_first_not_of(' '));
+    name.erase(name.find_last_not_of(' ') + 1);
+    if (name.empty())
+      throw InputError({}, fmt::format("an empty name in {} '{}'", option, list), "u1,u2");
+    out.push_back(name);
+    begin = end + 1;
+  }
+  return out;
+}
+
+std::string columns_of(const Table& table) {
+  std::string out;
+  for (const Column& column : table.columns) out += (out.empty() ? "" : ", ") + column.name;
+  return out;
+}
+
+std::vector<ChannelSource> channels(const std::vector<std::string>& columns, const char* kind) {
+  std::vector<ChannelSource> out;
+  for (const std::string& column : columns) {
+    ChannelSource source;
+    const bool is_number = column.find_first_not_of("0123456789") == std::string::npos;
+    source.name = is_number ? kind + column : column;
+    source.column = column;
+    out.push_back(source);
+  }
+  return out;
+}
+
+// A column of time stamps, --step, or rows one after the other.
+TimeSource time_of(const BlackBoxVerbOptions& given, const Table& table,
+                   const std::vector<std::string>& taken) {
+  TimeSource time;
+  if (!given.step.empty()) time.step = quantity("--step", given.step, "s");
+  if (!given.time.empty()) {
+    time.column = given.time;
+    return time;
+  }
+  if (time.step > 0.0) return time;
+  for (const Column& column : table.columns) {
+    const bool is_taken = std::find(taken.begin(), taken.end(), column.name) != taken.end();
+    if (is_taken || !looks_like_time(column) || column.text_cells > 0) continue;
+    time.column = column.name;
+    time.unit = time_unit(column);
+    return time;
+  }
+  time.step = 1.0;
+  return time;
+}
+
+// What the recordings are read by: channels and time; the matrices say nothing yet.
+Model channel_model(const BlackBoxVerbOptions& given, Inputs& inputs) {
+  const std::vector<Table> files = read_files(given.recordings.files.front(), inputs);
+  const Table& table = files.front();
+  const std::vector<std::string> u = names_in("--input", given.inputs),
+                                 y = names_in("--output", given.outputs);
+  std::vector<std::string> all = u;
+  all.insert(all.end(), y.begin(), y.end());
+  for (auto each = all.begin(); each != all.end(); ++each) {
+    if (std::find(all.begin(), each, *each) != each) {
+      throw InputError({}, fmt::format("column '{}' is named twice", *each),
+                       "each column once, in --input or --output");
+    }
+  }
+  const auto p = static_cast<Eigen::Index>(y.size());
+  LinearModelBuilder builder = linear_model();
+  std::vector<std::string> names;
+  for (const ChannelSource& each : channels(y, "y")) names.push_back(each.name);
+  builder.A(0.0).C(Eigen::MatrixXd::Ones(p, 1)).process_noise(1.0).outputs(names);
+  builder.measurement_noise(Eigen::MatrixXd(Eigen::MatrixXd::Identity(p, p)));
+  names.clear();
+  for (const ChannelSource& each : channels(u, "u")) names.push_back(each.name);
+  if (!u.empty())
+    builder.B(Eigen::MatrixXd::Ones(1, static_cast<Eigen::Index>(u.size()))).inputs(names);
+  Model out = builder.diffuse();
+  out.name = std::filesystem::path(table.path).stem().string();
+  out.time = time_of(given, table, all);
+  out.inputs = channels(u, "u");
+  out.outputs = channels(y, "y");
+  return out;
+}
+
+int order_in(const std::string& text) {
+  const bool is_number =
+      !text.empty() && text.size() < 4 && text.find_first_not_of("0123456789") == std::string::npos;
+  const int order = is_number ? std::stoi(text) : 0;
+  if (order < 1 || order > 60)
+    throw InputError({}, fmt::format("--order '{}' is none", text), "4, or 1:12; at most 60");
+  return order;
+}
+
+BlackBoxOptions black_box_options(const BlackBoxVerbOptions& given, const Call& call) {
+  BlackBoxOptions out;
+  out.held_out_share = hold_out_share(given.hold_out);
+  if (!given.orders.empty()) {
+    const std::size_t colon = given.orders.find(':');
+    out.least_order = order_in(given.orders.substr(0, colon));
+    out.most_order =
+        colon == std::string::npos ? out.least_order : order_in(given.orders.substr(colon + 1));
+    if (out.most_order < out.least_order) {
+      throw InputError({}, fmt::format("--order '{}' falls", given.orders),
+                       "the lowest order first, 1:12");
+    }
+  }
+  if (given.purpose == "simulation") out.purpose = BlackBoxPurpose::simulation;
+  if (given.purpose == "prediction") out.purpose = BlackBoxPurpose::prediction;
+  if (out.purpose == BlackBoxPurpose::simulation && given.inputs.empty()) {
+    throw InputError({}, "--for simulation without --input", "the columns that drive the outputs");
+  }
+  out.progress = [&call](const std::string& what) { return report_progress(call, what); };
+  return out;
+}
+
+std::string text_of_candidate(const BlackBox::Candidate& each, bool chosen) {
+  const auto fit = [](double value) {
+    return std::isnan(value) ? std::string("-") : fmt::format("{:.2f}", value);
+  };
+  return fmt::format("{:>5} {:<17} {:>14.2f} {:>12} {:>12}{}", each.order, each.refinement,
+                     each.bic, fit(each.prediction_fit), fit(each.simulation_fit),
+                     chosen ? "  <-" : "");
+}
+
+std::string number_with_error(double value, double se) {
+  return std::isnan(se) ? fmt::format("{:.6g}", value) : fmt::format("{:.6g} +- {:.2g}", value, se);
+}
+
+// What was tried, and the model in the terms of an engineer, line by line.
+std::vector<std::string> tables(const BlackBox& box) {
+  std::vector<std::string> out{
+      fmt::format("held-out last {:.0f} % of the rows, fit in % (mean over outputs)",
+                  100.0 * box.held_out_share),
+      fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}", "order", "found by", "BIC", "prediction",
+                  "simulation")};
+  for (const BlackBox::Candidate& each : box.candidates) {
+    out.push_back(
+        text_of_candidate(each, each.order == box.order && each.refinement == box.refinement));
+  }
+  for (const BlackBox::Pole& pole : box.poles) {
+    const std::string imaginary =
+        pole.imaginary > 0.0
+            ? fmt::format(" +- ({})i", number_with_error(pole.imaginary, pole.imaginary_se))
+            : "";
+    out.push_back(fmt::format("pole {}{}: {:.4g} rad/s, damping {:.3g}",
+                              number_with_error(pole.real, pole.real_se), imaginary, pole.frequency,
+                              pole.damping));
+  }
+  for (Eigen::Index i = 0; i < box.gain.rows(); ++i) {
+    for (Eigen::Index j = 0; j < box.gain.cols(); ++j) {
+      out.push_back(fmt::format("steady gain {} / {}: {}", box.outputs[static_cast<std::size_t>(i)],
+                                box.inputs[static_cast<std::size_t>(j)],
+                                number_with_error(box.gain(i, j), box.gain_se(i, j))));
+    }
+  }
+  for (const BlackBox::Delay& each : box.delays) {
+    if (each.rows > 0)
+      out.push_back(fmt::format("'{}' is first seen after {} rows", each.input, each.rows));
+  }
+  const bool moved = std::any_of(box.operating_point.begin(), box.operating_point.end(),
+                                 [](const auto& each) { return each.value != 0.0; });
+  for (const BlackBox::OperatingPoint& each : box.operating_point) {
+    if (moved)
+      out.push_back(
+          fmt::format("operating point {} = {:.6g} {}", each.channel, each.value, each.unit));
+  }
+  return out;
+}
+
+bool is_model_file(const std::string& path) {
+  return path.ends_with(".yaml") || path.ends_with(".yml");
+}
+
+Outcome find_model(const BlackBoxVerbOptions& given, Call& call) {
+  if (given.outputs.empty()) {
+    const std::vector<Table> files = read_files(given.recordings.files.front(), call.inputs);
+    throw InputError({}, "--output is missing",
+                     fmt::format("one or more of {}", columns_of(files.front())));
+  }
+  const BlackBoxOptions options = black_box_options(given, call);
+  const Model channels = channel_model(given, call.inputs);
+  Run run{"model", call, {}, {}, given.result};
+  const Recordings recordings = load_recordings(given.recordings, channels, run.verb, call.inputs);
+  BlackBoxResult found = estimate_black_box(channels, recordings.data, options);
+  const BlackBox& box = found.estimate.black_box;
+  found.estimate.notes = tables(box);
+  const std::string text = model_text(
+      found.model,
+      {fmt::format("{} states from data alone, chosen for {}; driven by its innovations.",
+                   box.order, box.purpose),
+       "Offsets of the channels are its operating point."});
+  if (run.wants_pictures()) picture_filter(found.model, recordings.data, found.estimate);
+  const auto estimate = std::make_shared<BlackBoxEstimate>(std::move(found.estimate));
+  KeptResult result = kept(estimate);
+  result.take({kModelFile, sha256_of_text(text), text, {}});
+  if (is_model_file(run.options.folder)) {
+    write_files({{run.options.folder, text}}, given.recordings.files);
+    run.options.folder.clear();
+  }
+  std::vector<ResultFile> files;
+  if (!run.options.folder.empty()) files.push_back({kModelFile, text});
+  return finish(run, recordings, std::move(result), files);
+}
+
+}  // namespace
+
+Verb model_verb() {
+  const auto options = std::make_shared<BlackBoxVerbOptions>();
+  Verb verb{"model",
+            "Find a linear model of inputs and outputs from recordings alone, with its noise."};
+  add_recordings(verb, options->recordings);
+  add_text(verb, "--input", options->inputs,
+           "Columns that drive the others, by name or number: u1,u2.", "none");
+  add_text(verb, "--output", options->outputs, "Columns that the model is to give: y1,y2.");
+  add_text(verb, "--time", options->time, "Column of time stamps.", "one that is called so");
+  add_text(verb, "--step", options->step, "Time from row to row, 10ms.", "by the stamps, else 1 s");
+  add_text(verb, "--order", options->orders, "Number of states, or the range to choose from.",
+           "1:12");
+  add_choice(
+      verb, "--for", options->purpose, {"automatic", "simulation", "prediction"},
+      "What the model is to be good at. simulation: outputs from inputs alone, judged on held-out "
+      "rows; "
+      "prediction: the next row, judged by BIC; automatic: simulation where there are inputs.");
+  add_text(verb, "--hold-out", options->hold_out,
+           "Last share of each recording that orders are judged on.");
+  add_range(verb, options->recordings.range);
+  add_folder(
+      verb, "-o", options->result.folder,
+      "Write the result files to this folder, or, where it ends in .yaml, the model to this file.");
+  add_json(verb, options->result.json);
+  add_strict(verb, options->result.strict);
+  add_page(verb, options->result);
+  verb.run = [options](Call& call) { return find_model(*options, call); };
+  return verb;
+}
+
+}  // namespace identikal

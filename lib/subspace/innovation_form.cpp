@@ -1,0 +1,109 @@
+#include "lib/subspace/innovation_form.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <stdexcept>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+double spectral_radius(const MatrixXd& A) {
+  return A.size() == 0 ? 0.0 : A.eigenvalues().cwiseAbs().maxCoeff();
+}
+
+MatrixXd predictor_responses(const InnovationForm& model, Index lags) {
+  const Index p = model.outputs(), m = model.inputs(), q = p + m;
+  MatrixXd H = MatrixXd::Zero(p, (lags + 1) * q);
+  H.block(0, p, p, m) = model.D;
+  MatrixXd state(model.states(), q);
+  state << model.K, model.B - model.K * model.D;
+  const MatrixXd A = model.A - model.K * model.C;
+  for (Index k = 1; k <= lags; ++k) {
+    H.middleCols(k * q, q).noalias() = model.C * state;
+    state = A * state;
+  }
+  return H;
+}
+
+MatrixXd prediction_error_covariance(const InnovationForm& model, const LaggedProducts& sums) {
+  if (model.outputs() != sums.outputs || model.inputs() != sums.inputs) {
+    throw std::invalid_argument(
+        "prediction_error_covariance: model and sums differ in their channels");
+  }
+  MatrixXd error = -predictor_responses(model, sums.lags);
+  error.leftCols(sums.outputs) += MatrixXd::Identity(sums.outputs, sums.outputs);
+  return error * sums.gram * error.transpose() / static_cast<double>(sums.windows);
+}
+
+MatrixXd simulated_outputs(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& u,
+                           const VectorXd& x0) {
+  MatrixXd y = model.D * u;
+  const MatrixXd drive = model.B * u;
+  VectorXd x = x0, next(x0.size());
+  for (Index t = 0; t < u.cols(); ++t) {
+    y.col(t).noalias() += model.C * x;
+    next.noalias() = model.A * x;
+    next += drive.col(t);
+    x.swap(next);
+  }
+  return y;
+}
+
+MatrixXd one_step_predictions(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& y,
+                              const Eigen::Ref<const MatrixXd>& u, const VectorXd& x0) {
+  MatrixXd predicted = model.D * u;
+  VectorXd x = x0;
+  for (Index t = 0; t < u.cols(); ++t) {
+    predicted.col(t) += model.C * x;
+    VectorXd e = y.col(t) - predicted.col(t);
+    for (double& each : e) {
+      if (!std::isfinite(each)) each = 0.0;
+    }
+    x = model.A * x + model.B * u.col(t) + model.K * e;
+  }
+  return predicted;
+}
+
+VectorXd initial_state(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& y,
+                       const Eigen::Ref<const MatrixXd>& u, Index rows) {
+  const Index p = model.outputs(), n = model.states();
+  rows = std::min(rows, y.cols());
+  const MatrixXd left =
+      y.leftCols(rows) - simulated_outputs(model, u.leftCols(rows), VectorXd::Zero(n));
+  MatrixXd rows_of_x0 = MatrixXd::Zero(p * rows, n);
+  VectorXd target = VectorXd::Zero(p * rows);
+  MatrixXd response = model.C;
+  for (Index t = 0; t < rows; ++t) {
+    for (Index i = 0; i < p; ++i) {
+      if (!std::isfinite(left(i, t))) continue;
+      rows_of_x0.row(t * p + i) = response.row(i);
+      target[t * p + i] = left(i, t);
+    }
+    response = response * model.A;
+  }
+  return rows_of_x0.completeOrthogonalDecomposition().solve(target);
+}
+
+InnovationForm with_poles_within(InnovationForm model, double radius) {
+  if (spectral_radius(model.A) <= radius) return model;
+  const Eigen::EigenSolver<MatrixXd> modes(model.A);
+  VectorXcd poles = modes.eigenvalues();
+  for (std::complex<double>& pole : poles) {
+    if (std::abs(pole) > radius) pole *= radius / std::abs(pole);
+  }
+  const MatrixXcd V = modes.eigenvectors();
+  model.A = (V * poles.asDiagonal() * V.inverse()).real();
+  return model;
+}
+
+}  // namespace identikal
