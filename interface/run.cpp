@@ -72,8 +72,7 @@ constexpr NamedVerb kVerbs[] = {
     {"tune", tune_verb},       {"fit", fit_verb},           {"check", check_verb},
     {"shape", shape_verb},     {"track", track_verb},       {"filter", filter_verb},
     {"bound", bound_verb},     {"simulate", simulate_verb}, {"validate", validate_verb},
-    {"compare", compare_verb}, {"handling", handling_verb}, {"forecast", forecast_verb},
-    {"model", model_verb}};
+    {"compare", compare_verb}, {"handling", handling_verb}, {"forecast", forecast_verb}};
 
 MakeVerb verb_called(const std::string& name) {
   std::vector<std::string> names;

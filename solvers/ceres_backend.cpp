@@ -156,7 +156,8 @@ class Watch : public ceres::IterationCallback {
 
 ceres::Solver::Options dense_options(const SolverOptions& options) {
   ceres::Solver::Options out = ceres_options(options);
-  out.linear_solver_type = ceres::DENSE_QR;
+  out.linear_solver_type =
+      options.normal_equations ? ceres::DENSE_NORMAL_CHOLESKY : ceres::DENSE_QR;
   out.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
   out.jacobi_scaling = true;
   out.update_state_every_iteration = true;

@@ -29,6 +29,9 @@ struct SolverOptions {
   double gradient_tolerance = 1e-10;  ///< stop when max |projected gradient| <= it (least squares)
   double parameter_tolerance =
       1e-10;  ///< stop when |dx| <= parameter_tolerance * (|x| + parameter_tolerance)
+  /// Least squares: steps by the Cholesky factor of J'J instead of QR of J; faster where there are many residuals, and with
+  /// half as many digits.
+  bool normal_equations = false;
   double decrement_tolerance =
       1e-9;  ///< scoring: stop when g' J^-1 g / 2, the gain still expected, is below it
   /// Scoring: a search that comes no further has converged where the gain still expected is below

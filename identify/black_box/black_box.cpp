@@ -9,10 +9,10 @@
 #include <fmt/format.h>
 
 #include "identify/black_box/internal/candidates.h"
-#include "identify/black_box/internal/innovation_errors.h"
+#include "identify/black_box/internal/characteristics.h"
 #include "identify/black_box/internal/scaled_recordings.h"
+#include "identify/filter/channel_fit.h"
 #include "identify/filter/report.h"
-#include "identify/filter/simulated_fit.h"
 #include "identify/model/builder.h"
 #include "identify/noise/estimate.h"
 #include "lib/base/error.h"
@@ -38,20 +38,23 @@ struct Search {
   ScaledRecordings all;
   SplitRecordings parts;
   SubspaceStart of_first, of_all;
-  bool simulation = false;  // is it the purpose?
+  BlackBoxPurpose purpose = BlackBoxPurpose::automatic;
   bool has_inputs = false;
+  bool simulates() const { return has_inputs && purpose != BlackBoxPurpose::prediction; }
 };
 
+InnovationForm from_all_rows(const Search& search, int order, Refinement how) {
+  return fitted(search.of_all, search.all, order, how, search.simulates());
+}
+
+// Fits of held-out rows by the first ones, BIC by all of them, but for what only simulations are taken from.
 BlackBoxCandidate candidate(const Search& search, int order, Refinement how) {
-  BlackBoxCandidate out{order, how,
-                        fitted(search.of_first, search.parts.first, order, how, search.simulation)};
+  BlackBoxCandidate out{
+      order, how, fitted(search.of_first, search.parts.first, order, how, search.simulates())};
   judge_on_held_out(out, search.parts.rest);
-  BlackBoxCandidate on_all{order, how,
-                           fitted(search.of_all, search.all, order, how, search.simulation)};
-  judge_on_sums(on_all, search.of_all.sums);
-  out.model = std::move(on_all.model);
-  out.log_likelihood = on_all.log_likelihood;
-  out.bic = on_all.bic;
+  if (how == Refinement::simulation) return out;
+  out.model = from_all_rows(search, order, how);
+  judge_on_fitted(out, search.of_all.sums);
   return out;
 }
 
@@ -63,7 +66,7 @@ std::vector<BlackBoxCandidate> candidates(const Search& search, const BlackBoxOp
   for (int order = std::min(options.least_order, most); order <= most; ++order) {
     if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
     out.push_back(candidate(search, order, Refinement::none));
-    if (search.simulation) out.push_back(candidate(search, order, Refinement::simulation));
+    if (search.simulates()) out.push_back(candidate(search, order, Refinement::simulation));
   }
   return out;
 }
@@ -89,23 +92,29 @@ std::size_t least_bic(const std::vector<BlackBoxCandidate>& all) {
   return static_cast<std::size_t>(std::min_element(all.begin(), all.end(), less) - all.begin());
 }
 
-// By the prediction error method, what was chosen and, for predictions, its neighbours.
-void refine_chosen(const Search& search, std::size_t chosen, std::vector<BlackBoxCandidate>& all) {
-  const int order = all[chosen].order, around = search.simulation ? 0 : 1;
-  const auto orders = std::minmax_element(
-      all.begin(), all.end(),
-      [](const BlackBoxCandidate& a, const BlackBoxCandidate& b) { return a.order < b.order; });
-  const int least = orders.first->order, most = orders.second->order;
+// The order of least BIC and its neighbours by the prediction error method.
+void refine_likeliest(const Search& search, std::vector<BlackBoxCandidate>& all, int around) {
+  const int order = all[least_bic(all)].order;
+  const int least = all.front().order, most = all.back().order;
   for (int each = std::max(least, order - around); each <= std::min(most, order + around); ++each) {
     all.push_back(candidate(search, each, Refinement::prediction_error));
   }
 }
 
+// Where nothing is said what the model is for: the likeliest one, unless another simulates better.
 std::size_t choose(const Search& search, std::vector<BlackBoxCandidate>& all) {
-  const std::size_t first = search.simulation ? best_simulation(all) : least_bic(all);
-  refine_chosen(search, first, all);
-  if (!search.simulation) return least_bic(all);
-  return all.back().simulation > all[first].simulation ? all.size() - 1 : first;
+  if (!search.has_inputs || search.purpose == BlackBoxPurpose::prediction) {
+    refine_likeliest(search, all, 1);
+    return least_bic(all);
+  }
+  const std::size_t simulator = best_simulation(all);
+  if (search.purpose == BlackBoxPurpose::automatic) {
+    refine_likeliest(search, all, 0);
+    if (all.back().simulation > all[simulator].simulation - kSameFit) return all.size() - 1;
+    if (all.back().order == all[simulator].order) return simulator;
+  }
+  all.push_back(candidate(search, all[simulator].order, Refinement::prediction_error));
+  return all.back().simulation > all[simulator].simulation ? all.size() - 1 : simulator;
 }
 
 Model with_channels(const Model& channels, const std::vector<Dataset>& recordings,
@@ -153,7 +162,9 @@ std::vector<Dataset> deviations(std::vector<Dataset> recordings, const Operating
 BlackBox description(const Search& search, const std::vector<BlackBoxCandidate>& all,
                      const BlackBoxCandidate& chosen, const BlackBoxOptions& options) {
   BlackBox out;
-  out.purpose = search.simulation ? "simulation" : "prediction";
+  out.purpose = search.purpose == BlackBoxPurpose::automatic && search.has_inputs ? "automatic"
+                : search.simulates()                                              ? "simulation"
+                                                                                  : "prediction";
   out.order = chosen.order;
   out.refinement = to_string(chosen.refinement);
   out.lags = static_cast<long>(search.of_all.sums.lags);
@@ -193,19 +204,45 @@ void describe_model(const Search& search, const Dataset& first, const BlackBoxCa
   };
   put(first.inputs, point.u, out.inputs);
   put(first.outputs, point.y, out.outputs);
+  constexpr Index kResponse = 100;  // rows
+  out.impulse_responses = impulse_responses(search.all, first, kResponse);
   const std::vector<long> delays = input_delays(search.of_all.sums);
   for (std::size_t j = 0; j < delays.size(); ++j) out.delays.push_back({out.inputs[j], delays[j]});
+}
+
+// Fit of the outputs by the inputs alone, from a first state that the first rows tell.
+void simulate_all(const Search& search, const BlackBoxCandidate& chosen,
+                  const std::vector<Channel>& outputs, FilterEstimate& estimate) {
+  const Index p = chosen.model.outputs();
+  MatrixXd y(p, search.all.rows()), e = y;
+  Index at = 0;
+  for (std::size_t k = 0; k < search.all.y.size(); ++k) {
+    const MatrixXd& here = search.all.y[k];
+    const VectorXd x0 = initial_state(chosen.model, here, search.all.u[k], kRowsForState);
+    y.middleCols(at, here.cols()) = here;
+    e.middleCols(at, here.cols()) = here - simulated_outputs(chosen.model, search.all.u[k], x0);
+    at += here.cols();
+  }
+  const OperatingPoint& point = search.all.point;
+  for (Index i = 0; i < p; ++i) {
+    const double unit = point.y_sd[i];
+    estimate.simulation.push_back(channel_fit(outputs[static_cast<std::size_t>(i)],
+                                              unit * y.row(i).transpose(),
+                                              unit * e.row(i).transpose()));
+  }
 }
 
 // What the candidates' fits say of the answer.
 Findings judged(const Search& search, const BlackBoxCandidate& chosen) {
   Findings out;
-  const double fit = search.simulation ? chosen.simulation : chosen.prediction;
-  if (!(fit > 0.0)) {
+  const double fit = search.simulates() ? chosen.simulation : chosen.prediction;
+  constexpr double kNothing = 0.01;  // what a model of pure noise reaches by chance
+  if (!(fit > kNothing)) {
     out.push_back(make_finding(
         FindingCode::does_not_predict, {},
-        fmt::format("no model of any order {} the held-out rows better than their mean does",
-                    search.simulation ? "simulates" : "predicts"),
+        fmt::format(
+            "no model of any order {} the held-out rows noticeably better than their mean does",
+            search.simulates() ? "simulates" : "predicts"),
         "other inputs, longer recordings, or a model of what is known of the system"));
   }
   if (spectral_radius(chosen.model.A) > 1.0) {
@@ -234,29 +271,33 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   check_options(options);
   ScaledRecordings all = scaled(recordings);
   SplitRecordings parts = split(all, 1.0 - options.held_out_share);
+  constexpr Index kMostHeldOut = 100000;  // rows
+  parts.rest = first_rows(parts.rest, kMostHeldOut);
   const Index lags = suitable_lags(parts.first, options.most_order);
   SubspaceStart of_first = subspace_start(parts.first, lags, nullptr);
   SubspaceStart of_all = subspace_start(all, lags, &of_first.prior);
   Search search{std::move(all), std::move(parts), std::move(of_first), std::move(of_all)};
   search.has_inputs = !channels.inputs.empty();
-  search.simulation = options.purpose == BlackBoxPurpose::simulation ||
-                      (options.purpose == BlackBoxPurpose::automatic && search.has_inputs);
-  if (search.simulation && !search.has_inputs) {
+  search.purpose = options.purpose;
+  if (search.purpose == BlackBoxPurpose::simulation && !search.has_inputs) {
     throw std::invalid_argument("estimate_black_box: without inputs nothing can be simulated");
   }
   std::vector<BlackBoxCandidate> tried = candidates(search, options);
-  const BlackBoxCandidate chosen = tried[choose(search, tried)];
+  BlackBoxCandidate chosen = tried[choose(search, tried)];
+  if (chosen.refinement == Refinement::simulation)
+    chosen.model = from_all_rows(search, chosen.order, chosen.refinement);
 
   BlackBoxResult out;
   out.model = with_channels(channels, recordings, in_units(chosen.model, search.all.point),
                             search.all.point);
   BlackBoxEstimate& estimate = out.estimate;
   estimate.model_name = channels.name;
+  estimate.objective.method = "subspace";
   estimate.black_box = description(search, tried, chosen, options);
   describe_model(search, recordings.front(), chosen, estimate.black_box);
   const std::vector<Dataset> seen = deviations(recordings, search.all.point);
   report_filter(estimate, out.model, out.model.parameters, seen);
-  if (search.has_inputs) report_simulation(estimate, out.model, out.model.parameters, seen);
+  if (search.has_inputs) simulate_all(search, chosen, recordings.front().outputs, estimate);
   Findings left = check_innovations(estimate);
   for (Finding& each : left)
     each.remedy = "a higher --order, a shorter step, or inputs that are missing";

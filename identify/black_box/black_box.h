@@ -13,7 +13,7 @@
 namespace identikal {
 
 enum class BlackBoxPurpose {
-  automatic,   ///< simulation where there are inputs
+  automatic,   ///< the likeliest model, unless another simulates better
   simulation,  ///< outputs from inputs alone
   prediction,  ///< the next row from all before
 };

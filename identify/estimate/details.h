@@ -117,6 +117,12 @@ struct BlackBox {
     long rows = 0;
   };
   std::vector<Delay> delays;
+  /// What an output does behind a unit of an input, without a model: by regularised least squares.
+  struct ImpulseResponse {
+    std::string input, output;
+    Eigen::VectorXd value, se;  ///< from the same row on, SI
+  };
+  std::vector<ImpulseResponse> impulse_responses;
   std::vector<std::string> inputs, outputs;
   Eigen::MatrixXd gain,
       gain_se;  ///< outputs x inputs: in the steady state, SI; kNone where it has none

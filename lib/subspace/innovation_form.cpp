@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <optional>
 #include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
+
+#include "lib/filter/steady_state.h"
 
 namespace identikal {
 
@@ -62,14 +65,17 @@ MatrixXd simulated_outputs(const InnovationForm& model, const Eigen::Ref<const M
 MatrixXd one_step_predictions(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& y,
                               const Eigen::Ref<const MatrixXd>& u, const VectorXd& x0) {
   MatrixXd predicted = model.D * u;
-  VectorXd x = x0;
+  const MatrixXd drive = model.B * u;
+  VectorXd x = x0, next(x0.size()), e(model.outputs());
   for (Index t = 0; t < u.cols(); ++t) {
-    predicted.col(t) += model.C * x;
-    VectorXd e = y.col(t) - predicted.col(t);
-    for (double& each : e) {
-      if (!std::isfinite(each)) each = 0.0;
+    predicted.col(t).noalias() += model.C * x;
+    for (Index i = 0; i < e.size(); ++i) {
+      e[i] = std::isfinite(y(i, t)) ? y(i, t) - predicted(i, t) : 0.0;
     }
-    x = model.A * x + model.B * u.col(t) + model.K * e;
+    next.noalias() = model.A * x;
+    next.noalias() += model.K * e;
+    next += drive.col(t);
+    x.swap(next);
   }
   return predicted;
 }
@@ -92,6 +98,23 @@ VectorXd initial_state(const InnovationForm& model, const Eigen::Ref<const Matri
     response = response * model.A;
   }
   return rows_of_x0.completeOrthogonalDecomposition().solve(target);
+}
+
+InnovationForm with_stable_predictor(const InnovationForm& model) {
+  if (spectral_radius(model.A - model.K * model.C) < 1.0) return model;
+  StateSpace system;
+  system.A = model.A;
+  system.B = model.B;
+  system.C = model.C;
+  system.D = model.D;
+  system.G = model.K;
+  system.Q = system.R = system.S = model.sigma;
+  const std::optional<SteadyState> steady = steady_state(system);
+  if (!steady) return model;
+  InnovationForm out = model;
+  out.K = steady->K;
+  out.sigma = steady->Sigma;
+  return out;
 }
 
 InnovationForm with_poles_within(InnovationForm model, double radius) {

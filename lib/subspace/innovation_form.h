@@ -58,6 +58,11 @@ Eigen::VectorXd initial_state(const InnovationForm& model,
                               const Eigen::Ref<const Eigen::MatrixXd>& y,
                               const Eigen::Ref<const Eigen::MatrixXd>& u, Eigen::Index rows);
 
+/// The model with the same outputs' spectrum whose predictor is stable: zeros of the noise outside of the unit circle
+/// are mirrored into it (K and sigma of the steady Kalman filter of A, C and the noise). Itself where its predictor is
+/// stable already, or where there is none.
+InnovationForm with_stable_predictor(const InnovationForm& model);
+
 /// The model that has its poles, where they lie outside of `radius`, put onto that circle; C, K and the
 /// directions of its modes stay.
 InnovationForm with_poles_within(InnovationForm model, double radius);

@@ -45,36 +45,17 @@ Responses responses(const InnovationForm& model, Index lags) {
   return all;
 }
 
-// Rows: output i of parameter s at s p + i; columns: channel c at lag k at k q + c.
-MatrixXd response_derivatives(const InnovationForm& model, Index lags) {
-  const Layout at(model);
-  const Index n = at.n, p = at.p, q = p + at.m;
-  const Responses of = responses(model, lags);
-  MatrixXd out = MatrixXd::Zero(at.size * p, (lags + 1) * q);
-  for (Index k = 1; k <= lags; ++k) {
-    const MatrixXd& O = of.out[static_cast<std::size_t>(k - 1)];
-    const MatrixXd& X = of.state[static_cast<std::size_t>(k - 1)];
-    for (Index c = 0; c < q; ++c) {
-      for (Index j = 0; j < n; ++j) {
-        out.block((at.input + c * n + j) * p, k * q + c, p, 1) = O.col(j);
-        for (Index i = 0; i < p; ++i) out((at.C + j * p + i) * p + i, k * q + c) = X(j, c);
-      }
-    }
-    for (Index s = 1; s < k;
-         ++s) {  // A moves the state s samples behind the unit, and it comes out k - s later
-      const MatrixXd& later = of.out[static_cast<std::size_t>(k - s - 1)];
-      const MatrixXd& then = of.state[static_cast<std::size_t>(s - 1)];
-      for (Index l = 0; l < n; ++l) {
-        for (Index j = 0; j < n; ++j) {
-          out.block((l * n + j) * p, k * q, p, q).noalias() += later.col(j) * then.row(l);
-        }
-      }
+// Row a n + l of what comes out: the states that a unit in every channel leaves in state l, seen a samples later, times
+// the root of the sums.
+MatrixXd delayed_states(const Responses& of, const MatrixXd& root, Index lags, Index q) {
+  const Index n = of.state.front().rows();
+  MatrixXd delayed = MatrixXd::Zero(lags * n, (lags + 1) * q);
+  for (Index a = 0; a < lags; ++a) {
+    for (Index k = 1; k + a <= lags; ++k) {
+      delayed.block(a * n, (k + a) * q, n, q) = of.state[static_cast<std::size_t>(k - 1)];
     }
   }
-  for (Index j = 0; j < at.m; ++j) {
-    for (Index i = 0; i < p; ++i) out((at.D + j * p + i) * p + i, p + j) = 1.0;
-  }
-  return out;
+  return delayed * root;
 }
 
 }  // namespace
@@ -118,18 +99,47 @@ PredictionErrorProblem::PredictionErrorProblem(const LaggedProducts& sums, const
       of_gram.transpositionsP().transpose() * (MatrixXd(of_gram.matrixL()) * scale.asDiagonal());
 }
 
+// Every derivative of the responses is a sum of columns, the whitened outputs that follow a unit in one state, times
+// rows of the root of the sums; each column of the result is the vec of p x root.cols().
+MatrixXd PredictionErrorProblem::derivatives(const InnovationForm& model) const {
+  const Layout at(model);
+  const Index n = at.n, width = root_.cols();
+  const Responses of = responses(model, lags_);
+  MatrixXd outputs(n * p_, lags_);  // column k - 1: vec of whitened C A^(k-1)
+  for (Index k = 0; k < lags_; ++k) {
+    outputs.col(k) = (whiten_ * of.out[static_cast<std::size_t>(k)]).reshaped();
+  }
+  const MatrixXd states = delayed_states(of, root_, lags_, q_);
+  MatrixXd out(p_ * width, at.size);
+  const auto put = [&](Index first, const MatrixXd& rows) {  // n p x width, state by state
+    for (Index j = 0; j < n; ++j) out.col(first + j) = rows.middleRows(j * p_, p_).reshaped();
+  };
+  for (Index l = 0; l < n; ++l) {
+    const MatrixXd later = states(Eigen::seqN(n + l, lags_ - 1, n), Eigen::all);
+    put(l * n, outputs.leftCols(lags_ - 1) * later);
+    for (Index i = 0; i < p_; ++i) {
+      out.col(at.C + l * p_ + i) = (whiten_.col(i) * states.row(l)).reshaped();
+    }
+  }
+  for (Index c = 0; c < q_; ++c) {
+    const MatrixXd channel = root_(Eigen::seqN(q_ + c, lags_, q_), Eigen::all);
+    put(at.input + c * n, outputs * channel);
+  }
+  for (Index j = 0; j < at.m; ++j) {
+    for (Index i = 0; i < p_; ++i) {
+      out.col(at.D + j * p_ + i) = (whiten_.col(i) * root_.row(p_ + j)).reshaped();
+    }
+  }
+  return out;
+}
+
 bool PredictionErrorProblem::evaluate(const InnovationForm& model, VectorXd& r, MatrixXd* J) const {
   MatrixXd error = -predictor_responses(model, lags_);
   if (!error.allFinite()) return false;
   error.leftCols(p_) += MatrixXd::Identity(p_, p_);
   r = (whiten_ * error * root_).reshaped();
   if (J == nullptr) return r.allFinite();
-  const MatrixXd all = response_derivatives(model, lags_) * root_;
-  const Index parameters = all.rows() / p_;
-  J->resize(r.size(), parameters);
-  for (Index s = 0; s < parameters; ++s) {
-    J->col(s) = -(whiten_ * all.middleRows(s * p_, p_)).reshaped();
-  }
+  *J = -derivatives(model);
   return r.allFinite() && J->allFinite();
 }
 

@@ -39,6 +39,8 @@ class PredictionErrorProblem {
   bool evaluate(const InnovationForm& model, Eigen::VectorXd& r, Eigen::MatrixXd* J) const;
 
  private:
+  Eigen::MatrixXd derivatives(const InnovationForm& model) const;
+
   Eigen::Index p_, q_, lags_;
   Eigen::MatrixXd root_;    // G = root root'
   Eigen::MatrixXd whiten_;  // W = whiten' whiten

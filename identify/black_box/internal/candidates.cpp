@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 #include <fmt/format.h>
 
+#include "identify/black_box/internal/likeliest_prior.h"
 #include "lib/base/error.h"
 #include "lib/subspace/prediction_error.h"
 #include "lib/subspace/simulation_error.h"
@@ -23,37 +24,6 @@ using Eigen::VectorXd;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Poles of a simulation that has to stay finite, however long it runs.
 constexpr double kStable = 0.9999;
-constexpr Index kRowsForState = 50;  // that the first state of a held-out stretch is taken from
-
-double logistic(double x) { return 1.0 / (1.0 + std::exp(-x)); }
-double logit(double x) { return std::log(x / (1.0 - x)); }
-
-PredictorPrior prior_of(const VectorXd& x) {
-  return {std::exp(x[0]), logistic(x[1]), std::exp(x[2]), logistic(x[3])};
-}
-
-// The prior of largest evidence: logarithms of the sizes, logits of the decays.
-PredictorPrior likeliest_prior(const PredictorRegression& regression, const PredictorPrior* start) {
-  Minimization problem;
-  problem.evaluate = [&](const VectorXd& x, double& f, VectorXd*) {
-    f = -regression.log_evidence(prior_of(x));
-    return std::isfinite(f);
-  };
-  problem.lower = VectorXd{{-10.0, -4.0, -10.0, -4.0}};
-  problem.upper = VectorXd{{40.0, 5.0, 40.0, 5.0}};
-  VectorXd from{{2.0, 0.0, 2.0, 0.0}};
-  if (start != nullptr) {
-    from = VectorXd{{std::log(start->output_size), logit(start->output_decay),
-                     std::log(start->input_size), logit(start->input_decay)}};
-  }
-  SolverOptions options;
-  options.max_iterations = start != nullptr ? 60 : 150;
-  options.function_tolerance = 1e-7;
-  options.parameter_tolerance = 1e-2;
-  return prior_of(
-      solve_without_gradient(problem, from.cwiseMax(problem.lower).cwiseMin(problem.upper), options)
-          .x);
-}
 
 double half_log_determinant(const MatrixXd& V) {
   const Eigen::LLT<MatrixXd> factor(V);
@@ -113,52 +83,101 @@ SubspaceStart subspace_start(const ScaledRecordings& recordings, Index lags,
   return {std::move(sums), prior, std::move(states)};
 }
 
-InnovationForm refined(const InnovationForm& start, const LaggedProducts& sums) {
-  InnovationForm model = start;
-  for (int round = 0; round < 2; ++round) {
-    MatrixXd V = prediction_error_covariance(model, sums);
-    V.diagonal() += 1e-14 * V.diagonal() + VectorXd::Constant(V.rows(), 1e-300);
-    if (!std::isfinite(half_log_determinant(V))) return start;
-    const PredictionErrorProblem errors(sums, V);
-    LeastSquares problem;
-    MatrixXd J;
-    problem.evaluate = [&](const VectorXd& theta, VectorXd& r, LeastSquares::RowMatrix* of) {
-      if (!errors.evaluate(with_predictor_parameters(model, theta), r,
-                           of != nullptr ? &J : nullptr))
-        return false;
-      if (of != nullptr) *of = J;
-      return true;
-    };
-    const VectorXd theta = predictor_parameters(model);
-    problem.residuals = errors.residuals();
-    problem.lower.setConstant(theta.size(), -std::numeric_limits<double>::infinity());
-    problem.upper = -problem.lower;
-    SolverOptions options;
-    options.max_iterations = 12;
-    options.function_tolerance = 1e-7;
-    model = with_predictor_parameters(model, solve(problem, theta, options).x);
-    model.sigma = prediction_error_covariance(model, sums);
+MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& recordings,
+                           const LaggedProducts& sums) {
+  constexpr Index kLong = 200000;
+  const double forgets =
+      std::pow(spectral_radius(model.A - model.K * model.C), static_cast<double>(sums.lags));
+  if (recordings.rows() > kLong && forgets < 1e-3) return prediction_error_covariance(model, sums);
+  MatrixXd sum = MatrixXd::Zero(model.outputs(), model.outputs());
+  double count = 0.0;
+  for (std::size_t k = 0; k < recordings.y.size(); ++k) {
+    const MatrixXd& y = recordings.y[k];
+    if (y.cols() <= sums.lags) continue;
+    const MatrixXd e =
+        y - one_step_predictions(model, y, recordings.u[k], VectorXd::Zero(model.states()));
+    for (Index t = sums.lags; t < e.cols(); ++t) {
+      if (!y.col(t).allFinite()) continue;
+      sum.noalias() += e.col(t) * e.col(t).transpose();
+      count += 1.0;
+    }
   }
-  // A predictor that grows is none, however well it does over so many lags.
+  return sum / std::max(count, 1.0);
+}
+
+namespace {
+
+// Sums over as many lags as the predictor takes to forget, where the recordings have them.
+LaggedProducts sums_until_forgotten(const InnovationForm& model, const ScaledRecordings& recordings,
+                                    const LaggedProducts& sums) {
+  constexpr Index kMostColumns = 360;
+  const double radius = std::min(0.999, spectral_radius(model.A - model.K * model.C));
+  const auto needed = static_cast<Index>(std::log(0.02) / std::log(std::max(radius, 1e-3))) + 1;
+  const Index lags = std::min({needed, kMostColumns / sums.channels(), recordings.rows() / 10});
+  return lags <= sums.lags ? sums : lagged_products(recordings.y, recordings.u, lags);
+}
+
+// From here to the least squares of the predictions, weighed by the inverse of their covariance here.
+InnovationForm one_search(const InnovationForm& from, const LaggedProducts& sums) {
+  MatrixXd V = prediction_error_covariance(from, sums);
+  V.diagonal() += 1e-14 * V.diagonal() + VectorXd::Constant(V.rows(), 1e-300);
+  if (!std::isfinite(half_log_determinant(V))) return from;
+  const PredictionErrorProblem errors(sums, V);
+  LeastSquares problem;
+  MatrixXd J;
+  problem.evaluate = [&](const VectorXd& theta, VectorXd& r, LeastSquares::RowMatrix* of) {
+    if (!errors.evaluate(with_predictor_parameters(from, theta), r, of != nullptr ? &J : nullptr)) {
+      return false;
+    }
+    if (of != nullptr) *of = J;
+    return true;
+  };
+  const VectorXd theta = predictor_parameters(from);
+  problem.residuals = errors.residuals();
+  problem.lower.setConstant(theta.size(), -std::numeric_limits<double>::infinity());
+  problem.upper = -problem.lower;
+  SolverOptions options;
+  options.max_iterations = 12;
+  options.function_tolerance = 1e-6;
+  options.normal_equations = true;
+  return with_predictor_parameters(from, solve(problem, theta, options).x);
+}
+
+}  // namespace
+
+InnovationForm refined(const InnovationForm& start, const ScaledRecordings& recordings,
+                       const LaggedProducts& sums) {
+  const LaggedProducts longer = sums_until_forgotten(start, recordings, sums);
+  InnovationForm model = start;
+  for (int round = 0; round < 2; ++round) model = one_search(model, longer);
+  // Cut off behind the lags a predictor may do well that grows, or that never forgets.
   if (spectral_radius(model.A - model.K * model.C) >= 1.0) return start;
-  return half_log_determinant(model.sigma) < half_log_determinant(start.sigma) ? model : start;
+  const double before = half_log_determinant(prediction_errors(start, recordings, sums));
+  const double after = half_log_determinant(prediction_errors(model, recordings, sums));
+  return after < before ? model : start;
 }
 
 InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& recordings, int order,
                       Refinement how, bool stable) {
   InnovationForm model = start.states.model(order);
-  if (how == Refinement::prediction_error) model = refined(model, start.sums);
+  if (how == Refinement::prediction_error)
+    model = refined(with_stable_predictor(model), recordings, start.sums);
   const bool was_stable = spectral_radius(model.A) <= kStable;
   if (stable) model = with_poles_within(std::move(model), kStable);
   if (recordings.u.front().rows() > 0 &&
       (how == Refinement::simulation || (stable && !was_stable))) {
-    model = with_inputs_by_simulation(std::move(model), recordings.y, recordings.u);
+    // Rows of the work of 1 s: more would cost more than they tell.
+    const auto n = static_cast<double>(order), m = static_cast<double>(model.inputs());
+    const auto affordable = static_cast<Index>(1e9 / (n * n * n * m));
+    const ScaledRecordings enough = first_rows(recordings, std::max<Index>(affordable, 2000));
+    model = with_inputs_by_simulation(std::move(model), enough.y, enough.u);
   }
-  model.sigma = prediction_error_covariance(model, start.sums);
+  model = with_stable_predictor(model);
+  model.sigma = prediction_errors(model, recordings, start.sums);
   return model;
 }
 
-void judge_on_sums(BlackBoxCandidate& candidate, const LaggedProducts& sums) {
+void judge_on_fitted(BlackBoxCandidate& candidate, const LaggedProducts& sums) {
   const auto rows = static_cast<double>(sums.windows), p = static_cast<double>(sums.outputs);
   const double half = half_log_determinant(candidate.model.sigma);
   candidate.log_likelihood = -rows * (half + 0.5 * p * (1.0 + std::log(2.0 * std::numbers::pi)));

@@ -1,6 +1,7 @@
 // Which models of which orders are there to choose from, and how well does each do on rows it has not seen?
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include <Eigen/Core>
@@ -20,6 +21,8 @@ struct SubspaceStart {
   Realisation states;
 };
 
+inline constexpr Eigen::Index kRowsForState = 50;  ///< that a first state is taken from
+
 /// Rows that the predictor looks back: as many as recordings of this length determine.
 /// @throws InputError for recordings too short for any
 Eigen::Index suitable_lags(const ScaledRecordings& recordings, int most_order);
@@ -38,9 +41,10 @@ enum class Refinement {
 struct BlackBoxCandidate {
   int order = 0;
   Refinement refinement = Refinement::none;
-  InnovationForm model;         ///< of scaled recordings
-  double log_likelihood = 0.0;  ///< of the predictions of rows that it was fitted to
-  double bic = 0.0;
+  InnovationForm model;  ///< of scaled recordings
+  /// Of the predictions of all rows; NaN where it was not asked.
+  double log_likelihood = std::numeric_limits<double>::quiet_NaN();
+  double bic = std::numeric_limits<double>::quiet_NaN();
   double simulation = 0.0;  ///< fit of held-out rows, share of 1; NaN without inputs
   double prediction = 0.0;  ///< the same, one step ahead
 };
@@ -49,12 +53,18 @@ struct BlackBoxCandidate {
 InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& recordings, int order,
                       Refinement how, bool stable);
 
-/// Fills log-likelihood and BIC by the sums.
-void judge_on_sums(BlackBoxCandidate& candidate, const LaggedProducts& sums);
+/// Fills log-likelihood and BIC by the model's sigma.
+void judge_on_fitted(BlackBoxCandidate& candidate, const LaggedProducts& sums);
 /// Fills the fits of rows that were not seen, mean over outputs.
 void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out);
 
-/// The same by the prediction error method from this model on.
-InnovationForm refined(const InnovationForm& start, const LaggedProducts& sums);
+/// Covariance of the one-step prediction errors, row by row, without the first `skip` rows of each recording; of
+/// long recordings whose predictor forgets within the lags of the sums, by these.
+Eigen::MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& recordings,
+                                  const LaggedProducts& sums);
+
+/// The model of the prediction error method from this one on; the start where it predicts no better.
+InnovationForm refined(const InnovationForm& start, const ScaledRecordings& recordings,
+                       const LaggedProducts& sums);
 
 }  // namespace identikal

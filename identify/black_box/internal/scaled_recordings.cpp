@@ -1,5 +1,6 @@
 #include "identify/black_box/internal/scaled_recordings.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -35,7 +36,8 @@ ChannelScale channel_scale(const std::vector<Dataset>& recordings, const MatrixX
   out.mean = deviation.mean();
   deviation.array() -= out.mean;
   out.sd = std::sqrt(deviation.squaredNorm() / static_cast<double>(count));
-  const Index bandwidth = andrews_bandwidth(deviation, std::max<Index>(1, count / 8));
+  constexpr Index kWidest = 1000;
+  const Index bandwidth = andrews_bandwidth(deviation, std::clamp<Index>(count / 8, 1, kWidest));
   out.mean_se =
       std::sqrt(long_run_covariance(deviation, bandwidth)(0, 0)) / static_cast<double>(count);
   return out;
@@ -111,6 +113,19 @@ SplitRecordings split(const ScaledRecordings& all, double share) {
   return out;
 }
 
+ScaledRecordings first_rows(const ScaledRecordings& all, Index rows) {
+  if (all.rows() <= rows) return all;
+  ScaledRecordings out;
+  out.point = all.point;
+  for (std::size_t k = 0; k < all.y.size() && rows > 0; ++k) {
+    const Index taken = std::min(rows, all.y[k].cols());
+    out.y.push_back(all.y[k].leftCols(taken));
+    out.u.push_back(all.u[k].leftCols(taken));
+    rows -= taken;
+  }
+  return out;
+}
+
 InnovationForm in_units(InnovationForm model, const OperatingPoint& point) {
   const auto y = point.y_sd.asDiagonal();
   const auto per_y = point.y_sd.cwiseInverse().asDiagonal();
@@ -121,13 +136,6 @@ InnovationForm in_units(InnovationForm model, const OperatingPoint& point) {
   model.K = model.K * per_y;
   model.sigma = y * model.sigma * y;
   return model;
-}
-
-InnovationForm in_scaled_units(InnovationForm model, const OperatingPoint& point) {
-  OperatingPoint back = point;
-  back.y_sd = point.y_sd.cwiseInverse();
-  back.u_sd = point.u_sd.cwiseInverse();
-  return in_units(std::move(model), back);
 }
 
 }  // namespace identikal

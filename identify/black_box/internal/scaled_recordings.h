@@ -33,9 +33,10 @@ struct SplitRecordings {
 };
 SplitRecordings split(const ScaledRecordings& all, double share);
 
+/// The first rows of recordings, at most so many of all together; the last recording of them may be shortened.
+ScaledRecordings first_rows(const ScaledRecordings& all, Eigen::Index rows);
+
 /// A model of scaled recordings in SI: of deviations from the operating point.
 InnovationForm in_units(InnovationForm model, const OperatingPoint& point);
-/// And back.
-InnovationForm in_scaled_units(InnovationForm model, const OperatingPoint& point);
 
 }  // namespace identikal

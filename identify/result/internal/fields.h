@@ -348,9 +348,20 @@ void describe(Fields& fields, BlackBox::Delay& delay) {
 }
 
 template <class Fields>
+void describe(Fields& fields, BlackBox::ImpulseResponse& response) {
+  fields.is("BlackBoxImpulseResponse",
+            "What an output does behind a unit of an input, without a model.");
+  fields("input", response.input, "name of the input");
+  fields("output", response.output, "name of the output");
+  fields("value", response.value, "from the same row on, SI");
+  fields("se", response.se, "standard errors");
+}
+
+template <class Fields>
 void describe(Fields& fields, BlackBox& box) {
   fields.is("BlackBox", "A model from data alone: what was tried, what was chosen.");
-  fields("purpose", one_of(box.purpose, {"simulation", "prediction"}), "what it is to be good at");
+  fields("purpose", one_of(box.purpose, {"automatic", "simulation", "prediction"}),
+         "what it is to be good at");
   fields("order", box.order, "number of states");
   fields("refinement", one_of(box.refinement, {"states", "simulation", "prediction_error"}),
          "how its matrices were found");
@@ -362,6 +373,7 @@ void describe(Fields& fields, BlackBox& box) {
   fields("poles", box.poles, "of the model");
   fields("operating_point", box.operating_point, "what its signals are deviations from");
   fields("delays", box.delays, "of the inputs");
+  fields("impulse_responses", box.impulse_responses, "by regularised least squares");
   fields("input_names", box.inputs, "columns of gain");
   fields("output_names", box.outputs, "rows of gain");
   fields("gain", box.gain, "in the steady state, SI");

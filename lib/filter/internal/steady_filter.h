@@ -56,7 +56,8 @@ struct SteadyFilter {
     set_product(Sw, model.G, model.S);
     if (!start_by_doubling(model) && (slow || endless_ || !start_by_iteration(model))) return false;
     // Newton's method (Kleinman 1968) polishes: the gain's error enters P squared.
-    for (int round = 0; round < 12; ++round) {
+    constexpr int kRounds = 12;
+    for (int round = 0; round < kRounds; ++round) {
       if (!gain(model) || !powers.compute(F)) return false;
       Square next = W;
       noise_of_gain(model, next);
@@ -64,8 +65,10 @@ struct SteadyFilter {
       symmetrise(next);
       if (!next.allFinite()) return false;
       const bool done = close(P, next, 1e-11, noise_size());
+      // Where w and v are the same noise nothing is left of P but rounding, which no round makes smaller.
+      const bool rounding = round == kRounds - 1 && close(P, next, 1e-7, noise_size());
       P = next;
-      if (done) return gain(model) && powers.compute(F);
+      if (done || rounding) return gain(model) && powers.compute(F);
     }
     return false;
   }

@@ -1,4 +1,4 @@
-#include "identify/black_box/internal/innovation_errors.h"
+#include "identify/black_box/internal/characteristics.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "identify/black_box/internal/likeliest_prior.h"
 #include "identify/estimate/distribution.h"
 #include "lib/subspace/prediction_error.h"
 
@@ -57,8 +58,10 @@ BlackBox::Pole in_continuous_time(Complex pole, double dt) {
 
 MatrixXd predictor_covariance(const InnovationForm& model, const LaggedProducts& sums) {
   VectorXd r;
-  MatrixXd J;
-  const PredictionErrorProblem errors(sums, model.sigma);
+  MatrixXd J, sigma = model.sigma;
+  sigma.diagonal() *= 1.0 + 1e-12;
+  if (sigma.llt().info() != Eigen::Success) return {};
+  const PredictionErrorProblem errors(sums, sigma);
   if (!errors.evaluate(model, r, &J)) return {};
   const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(J.transpose() * J);
   const Index n = model.states(), rank = J.cols() - n * n;
@@ -142,6 +145,36 @@ std::vector<long> input_delays(const LaggedProducts& sums) {
     }
   }
   return out;
+}
+
+std::vector<BlackBox::ImpulseResponse> impulse_responses(const ScaledRecordings& recordings,
+                                                         const Dataset& channels, Index rows) {
+  const Index p = recordings.y.front().rows(), m = recordings.u.front().rows(), q = p + m;
+  if (m == 0) return {};
+  constexpr Index kMostColumns = 200;
+  const Index lags = std::min({rows, recordings.rows() / 4, kMostColumns / m});
+  if (lags < 2) return {};
+  constexpr Index kEnough = 200000;
+  const ScaledRecordings rows_used = first_rows(recordings, kEnough);
+  const PredictorRegression regression(lagged_products(rows_used.y, rows_used.u, lags),
+                                       PredictorRegression::On::inputs);
+  const PredictorPrior prior = likeliest_impulse_prior(regression);
+  const Predictor value = regression.estimate(prior), error = regression.standard_errors(prior);
+  const auto response = [&](const Predictor& of, Index i, Index j) {
+    VectorXd out(lags + 1);
+    out[0] = of.D(i, j);
+    for (Index k = 1; k <= lags; ++k) out[k] = of.H(i, (k - 1) * q + p + j);
+    return VectorXd(out * (recordings.point.y_sd[i] / recordings.point.u_sd[j]));
+  };
+  std::vector<BlackBox::ImpulseResponse> all;
+  for (Index i = 0; i < p; ++i) {
+    for (Index j = 0; j < m; ++j) {
+      all.push_back({channels.inputs[static_cast<std::size_t>(j)].name,
+                     channels.outputs[static_cast<std::size_t>(i)].name, response(value, i, j),
+                     response(error, i, j)});
+    }
+  }
+  return all;
 }
 
 }  // namespace identikal

@@ -1,10 +1,11 @@
-// How sure are the poles and gains of an innovation model? By the information of its predictions.
+// What do recordings say of a model in an engineer's terms, and how surely: poles, gains, delays, impulse responses?
 #pragma once
 
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "identify/black_box/internal/scaled_recordings.h"
 #include "identify/estimate/details.h"
 #include "lib/subspace/innovation_form.h"
 #include "lib/subspace/lagged_products.h"
@@ -30,5 +31,10 @@ SteadyGain steady_gain(const InnovationForm& model, const Eigen::MatrixXd& covar
 /// Rows after which each input is first seen: the largest number of leading responses to it that are all zero
 /// for Wald's test at 1 %, by the regression on all lags.
 std::vector<long> input_delays(const LaggedProducts& sums);
+
+/// Of every output to every input over up to `rows` rows, of scaled recordings, in SI.
+std::vector<BlackBox::ImpulseResponse> impulse_responses(const ScaledRecordings& recordings,
+                                                         const Dataset& channels,
+                                                         Eigen::Index rows);
 
 }  // namespace identikal

@@ -1,0 +1,149 @@
+"""model: a linear model from recordings alone."""
+import json
+import random
+import unittest
+
+from program import SHARED, Folder, result, run
+
+
+def motor(rows, seed, level=(0.0, 0.0)):
+    """Speed of a motor, a lag of 0.9 and an oscillation, by its voltage; noise of a tenth."""
+    draw, x, y = random.Random(seed), [0.0, 0.0, 0.0], []
+    u = [draw.gauss(0, 1) for _ in range(rows)]
+    for voltage in u:
+        e = 0.1 * draw.gauss(0, 1)
+        y.append(x[0] + x[1] + e)
+        x = [0.9 * x[0] + 0.4 * voltage + 0.2 * e, 0.5 * x[1] + 0.6 * x[2] + 0.3 * voltage, -0.6 * x[1] + 0.5 * x[2]]
+    return [(0.01 * t, u[t] + level[0], y[t] + level[1]) for t in range(rows)]
+
+
+def table(rows, head="t [s],voltage [V],speed [rad/s]"):
+    return head + "\n" + "".join(",".join(f"{value:.12g}" for value in row) + "\n" for row in rows)
+
+
+OF_MOTOR = "--input", "voltage", "--output", "speed"
+
+
+class Model(unittest.TestCase):
+    def test_a_known_motor_is_found_with_its_noise(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(3000, 1)))
+            found = result("model", log, *OF_MOTOR, "--for", "prediction")
+            box = found["black_box"]
+            self.assertEqual(3, box["order"])
+            self.assertEqual("ok", found["status"]["code"])
+            real = sorted(pole["real"] for pole in box["poles"])
+            for value, truth in zip(real, (0.5, 0.9)):
+                self.assertAlmostEqual(value, truth, delta=0.02)
+            for pole, truth in zip(sorted(box["poles"], key=lambda each: each["real"]), (0.5, 0.9)):
+                self.assertLess(abs(pole["real"] - truth), 4 * pole["real_se"])
+            gain = 0.4 / 0.1 + 0.3 * 0.5 / (0.25 + 0.36)
+            self.assertLess(abs(box["gain"][0][0] - gain), 4 * box["gain_se"][0][0])
+            self.assertAlmostEqual(0.01, found["filter"]["dt"])
+            self.assertEqual(3, len(found["filter"]["K"]))
+            self.assertAlmostEqual(0.01, found["noise"]["R"][0][0], delta=0.001)
+
+    def test_its_model_file_serves_the_other_verbs(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(1500, 2, (2.0, 30.0))))
+            fresh = made.write("fresh.csv", table(motor(1500, 3, (2.0, 30.0))))
+            run("model", log, *OF_MOTOR, "-o", made.path / "motor.yaml", code=0)
+            run("model", log, *OF_MOTOR, "-o", made.path / "out", code=0)
+            self.assertEqual((made.path / "motor.yaml").read_text(), (made.path / "out/model.yaml").read_text())
+            self.assertIn("offset: -", (made.path / "motor.yaml").read_text())
+            checked = result("check", made.path / "motor.yaml", fresh)
+            self.assertTrue(all(test["pass"] for test in checked["tests"] if test["id"] == "ljung_box"), checked["tests"])
+            head = run("filter", made.path / "motor.yaml", fresh, code=0).stdout.splitlines()[0]
+            self.assertIn("time", head)
+            run("export", made.path / "out", "--to", "c", "-o", made.path / "code", code=0)
+            validated = result("validate", made.path / "out", fresh)
+            self.assertGreater(min(fit["percent"] for fit in validated["fit"]["one_step"].values()), 80)
+
+    def test_orders_purposes_and_units(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(1200, 4)))
+            self.assertEqual(4, result("model", log, *OF_MOTOR, "--order", 4)["black_box"]["order"])
+            orders = {each["order"] for each in result("model", log, *OF_MOTOR, "--order", "2:5")["black_box"]["candidates"]}
+            self.assertEqual({2, 3, 4, 5}, orders)
+            simulator = result("model", log, *OF_MOTOR, "--for", "simulation")["black_box"]
+            self.assertEqual("simulation", simulator["purpose"])
+            # In degrees per second the same poles, and the gain of SI.
+            degrees = [(t, u, y * 57.29577951308232) for t, u, y in motor(1200, 4)]
+            other = made.write("degrees.csv", table(degrees, "t [s],voltage [V],speed [deg/s]"))
+            again = result("model", other, *OF_MOTOR, "--for", "simulation")["black_box"]
+            for a, b in zip(simulator["poles"], again["poles"]):
+                self.assertAlmostEqual(a["real"], b["real"], delta=1e-6)
+            self.assertAlmostEqual(simulator["gain"][0][0], again["gain"][0][0], delta=1e-6)
+
+    def test_a_time_series_and_numbers_of_columns(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(900, 5)))
+            series = result("model", log, "--output", "3", "--step", "10ms")
+            self.assertEqual("prediction", series["black_box"]["purpose"])
+            self.assertEqual([], series["filter"]["inputs"])
+
+    def test_the_page_and_the_text_say_the_same(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(1200, 6)))
+            text = run("model", log, *OF_MOTOR, "--report", made.path / "page.html", code=0).stdout
+            self.assertIn("steady gain speed / voltage", text)
+            self.assertIn("<-", text)
+            self.assertIn("steady gain speed / voltage", (made.path / "page.html").read_text())
+
+    def test_what_is_no_use_is_said_in_one_line(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(300, 7)))
+            still = made.write("still.csv", table([(t, 1.0, y) for t, _, y in motor(300, 8)]))
+            few = made.write("few.csv", table(motor(6, 9)))
+            for message, *arguments in [
+                ("--output is missing", log, "--input", "voltage"),
+                ("named twice", log, "--input", "voltage", "--output", "voltage"),
+                ("no column", log, "--input", "volts", "--output", "speed"),
+                ("'voltage' never changes", still, *OF_MOTOR),
+                ("too few", few, *OF_MOTOR),
+                ("--order '0'", log, *OF_MOTOR, "--order", "0"),
+                ("falls", log, *OF_MOTOR, "--order", "5:2"),
+                ("--for simulation without --input", log, "--output", "speed", "--for", "simulation"),
+            ]:
+                done = run("model", *arguments, code=2)
+                self.assertIn(message, done.stderr)
+                self.assertEqual(1, done.stderr.count("\n"), done.stderr)
+
+    def test_torture(self):
+        """A model with its verdict or one line; never a hang, never an unstable model of stable data."""
+        rows = motor(400, 10)
+        with Folder() as made:
+            for name, content in {
+                "zeros": [(t, 0.0, 0.0) for t, _, _ in rows],
+                "duplicated": [(t, y, y) for t, _, y in rows],
+                "three": rows[:3],
+                "below": rows[:15],
+                "huge": [(t, 1e150 * u, 1e150 * y) for t, u, y in rows],
+                "tiny": [(t, 1e-150 * u, 1e-150 * y) for t, u, y in rows],
+                "step": [(t, float(t > 2.0), y) for t, _, y in rows],
+                "ramp": [(t, u, 1000 * t) for t, u, _ in rows],
+            }.items():
+                done = run("model", made.write(name + ".csv", table(content)), *OF_MOTOR, "--json")
+                self.assertIn(done.returncode, (0, 1, 2), f"{name}: {done.stderr}")
+                self.assertNotIn("internal", done.stderr)
+                if done.returncode < 2:
+                    self.assertIsNotNone(json.loads(done.stdout)["filter"])
+
+    def test_daisy(self):
+        """Sets of others: first half estimates, order automatic, no anchor of anybody is in the program."""
+        folder = SHARED / "benchmarks"
+        if not folder.exists():
+            self.skipTest("no benchmarks beside the repository")
+        for name, inputs, outputs in (("dryer", "u1", "y1"), ("robot_arm", "u1", "y1"), ("thermic_res_wall", "u1,u2", "y1")):
+            found = result_of_any("model", folder / f"daisy_{name}.csv", "--input", inputs, "--output", outputs)
+            self.assertGreater(min(fit["percent"] for fit in found["fit"]["simulation"].values()), 75)
+
+
+def result_of_any(*arguments):
+    done = run(*arguments, "--json")
+    assert done.returncode in (0, 1), done.stderr
+    return json.loads(done.stdout)
+
+
+if __name__ == "__main__":
+    unittest.main()
