@@ -146,11 +146,11 @@ BlackBoxOptions black_box_options(const BlackBoxVerbOptions& given, const Call& 
 }
 
 std::string text_of_candidate(const BlackBox::Candidate& each, bool chosen) {
-  const auto fit = [](double value) {
+  const auto number = [](double value) {
     return std::isnan(value) ? std::string("-") : fmt::format("{:.2f}", value);
   };
-  return fmt::format("{:>5} {:<17} {:>14.2f} {:>12} {:>12}{}", each.order, each.refinement,
-                     each.bic, fit(each.prediction_fit), fit(each.simulation_fit),
+  return fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}{}", each.order, each.refinement,
+                     number(each.bic), number(each.prediction_fit), number(each.simulation_fit),
                      chosen ? "  <-" : "");
 }
 

@@ -43,18 +43,18 @@ struct Search {
   bool simulates() const { return has_inputs && purpose != BlackBoxPurpose::prediction; }
 };
 
-InnovationForm from_all_rows(const Search& search, int order, Refinement how) {
-  return fitted(search.of_all, search.all, order, how, search.simulates());
+void fit_to_all_rows(const Search& search, BlackBoxCandidate& candidate) {
+  candidate.model =
+      fitted(search.of_all, search.all, candidate.order, candidate.refinement, search.simulates());
+  judge_on_fitted(candidate, search.of_all.sums);
 }
 
-// Fits of held-out rows by the first ones, BIC by all of them, but for what only simulations are taken from.
-BlackBoxCandidate candidate(const Search& search, int order, Refinement how) {
+// Fits of held-out rows by the first ones; where BIC is wanted the model of all rows too.
+BlackBoxCandidate candidate(const Search& search, int order, Refinement how, bool with_bic) {
   BlackBoxCandidate out{
       order, how, fitted(search.of_first, search.parts.first, order, how, search.simulates())};
   judge_on_held_out(out, search.parts.rest);
-  if (how == Refinement::simulation) return out;
-  out.model = from_all_rows(search, order, how);
-  judge_on_fitted(out, search.of_all.sums);
+  if (with_bic) fit_to_all_rows(search, out);
   return out;
 }
 
@@ -65,8 +65,8 @@ std::vector<BlackBoxCandidate> candidates(const Search& search, const BlackBoxOp
   std::vector<BlackBoxCandidate> out;
   for (int order = std::min(options.least_order, most); order <= most; ++order) {
     if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
-    out.push_back(candidate(search, order, Refinement::none));
-    if (search.simulates()) out.push_back(candidate(search, order, Refinement::simulation));
+    out.push_back(candidate(search, order, Refinement::none, true));
+    if (search.simulates()) out.push_back(candidate(search, order, Refinement::simulation, false));
   }
   return out;
 }
@@ -86,10 +86,12 @@ std::size_t best_simulation(const std::vector<BlackBoxCandidate>& all) {
 }
 
 std::size_t least_bic(const std::vector<BlackBoxCandidate>& all) {
-  const auto less = [](const BlackBoxCandidate& a, const BlackBoxCandidate& b) {
-    return a.bic < b.bic;
-  };
-  return static_cast<std::size_t>(std::min_element(all.begin(), all.end(), less) - all.begin());
+  std::size_t least = 0;
+  for (std::size_t k = 1; k < all.size(); ++k) {
+    // Also past one that has none: a predictor that overflows.
+    if (all[k].bic < all[least].bic || !std::isfinite(all[least].bic)) least = k;
+  }
+  return least;
 }
 
 // The order of least BIC and its neighbours by the prediction error method.
@@ -97,8 +99,18 @@ void refine_likeliest(const Search& search, std::vector<BlackBoxCandidate>& all,
   const int order = all[least_bic(all)].order;
   const int least = all.front().order, most = all.back().order;
   for (int each = std::max(least, order - around); each <= std::min(most, order + around); ++each) {
-    all.push_back(candidate(search, each, Refinement::prediction_error));
+    all.push_back(candidate(search, each, Refinement::prediction_error, around > 0));
   }
+}
+
+// Does the last candidate, a refined one, predict held-out rows worse than what it began with?
+bool overfits(const std::vector<BlackBoxCandidate>& all) {
+  constexpr double kWorse = 0.001;  // of the fit
+  for (const BlackBoxCandidate& each : all) {
+    if (each.order != all.back().order || each.refinement != Refinement::none) continue;
+    return all.back().prediction < each.prediction - kWorse;
+  }
+  return false;
 }
 
 // Where nothing is said what the model is for: the likeliest one, unless another simulates better.
@@ -108,13 +120,17 @@ std::size_t choose(const Search& search, std::vector<BlackBoxCandidate>& all) {
     return least_bic(all);
   }
   const std::size_t simulator = best_simulation(all);
-  if (search.purpose == BlackBoxPurpose::automatic) {
+  // BIC that still falls at the highest order says that none of them is the true one.
+  const bool settled = all[least_bic(all)].order < all.back().order;
+  if (search.purpose == BlackBoxPurpose::automatic && settled) {
     refine_likeliest(search, all, 0);
-    if (all.back().simulation > all[simulator].simulation - kSameFit) return all.size() - 1;
+    const bool simulates_as_well = all.back().simulation > all[simulator].simulation - kSameFit;
+    if (simulates_as_well && !overfits(all)) return all.size() - 1;
     if (all.back().order == all[simulator].order) return simulator;
   }
-  all.push_back(candidate(search, all[simulator].order, Refinement::prediction_error));
-  return all.back().simulation > all[simulator].simulation ? all.size() - 1 : simulator;
+  all.push_back(candidate(search, all[simulator].order, Refinement::prediction_error, false));
+  const bool better = all.back().simulation > all[simulator].simulation && !overfits(all);
+  return better ? all.size() - 1 : simulator;
 }
 
 Model with_channels(const Model& channels, const std::vector<Dataset>& recordings,
@@ -183,7 +199,8 @@ BlackBox description(const Search& search, const std::vector<BlackBoxCandidate>&
 // Poles, gains, delays and the operating point of the chosen model.
 void describe_model(const Search& search, const Dataset& first, const BlackBoxCandidate& chosen,
                     BlackBox& out) {
-  const MatrixXd covariance = predictor_covariance(chosen.model, search.of_all.sums);
+  const MatrixXd covariance = predictor_covariance(
+      chosen.model, sums_around(chosen.model, search.all, search.of_all.sums.lags));
   out.poles = poles_with_errors(chosen.model, covariance, first.dt);
   const SteadyGain gain = steady_gain(chosen.model, covariance);
   const OperatingPoint& point = search.all.point;
@@ -283,9 +300,9 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
     throw std::invalid_argument("estimate_black_box: without inputs nothing can be simulated");
   }
   std::vector<BlackBoxCandidate> tried = candidates(search, options);
-  BlackBoxCandidate chosen = tried[choose(search, tried)];
-  if (chosen.refinement == Refinement::simulation)
-    chosen.model = from_all_rows(search, chosen.order, chosen.refinement);
+  const std::size_t best = choose(search, tried);
+  if (!std::isfinite(tried[best].bic)) fit_to_all_rows(search, tried[best]);
+  const BlackBoxCandidate& chosen = tried[best];
 
   BlackBoxResult out;
   out.model = with_channels(channels, recordings, in_units(chosen.model, search.all.point),

@@ -24,17 +24,20 @@ double spectral_radius(const MatrixXd& A) {
   return A.size() == 0 ? 0.0 : A.eigenvalues().cwiseAbs().maxCoeff();
 }
 
-MatrixXd predictor_responses(const InnovationForm& model, Index lags) {
+MatrixXd predictor_responses(const InnovationForm& model, Index lags, bool with_states) {
   const Index p = model.outputs(), m = model.inputs(), q = p + m;
-  MatrixXd H = MatrixXd::Zero(p, (lags + 1) * q);
+  const Index at_states = (lags + 1) * q;
+  MatrixXd H = MatrixXd::Zero(p, at_states + (with_states ? model.states() : 0));
   H.block(0, p, p, m) = model.D;
   MatrixXd state(model.states(), q);
   state << model.K, model.B - model.K * model.D;
   const MatrixXd A = model.A - model.K * model.C;
+  MatrixXd output = model.C;
   for (Index k = 1; k <= lags; ++k) {
-    H.middleCols(k * q, q).noalias() = model.C * state;
-    state = A * state;
+    H.middleCols(k * q, q).noalias() = output * state;
+    output = output * A;
   }
+  if (with_states) H.rightCols(model.states()) = output;
   return H;
 }
 
@@ -43,7 +46,7 @@ MatrixXd prediction_error_covariance(const InnovationForm& model, const LaggedPr
     throw std::invalid_argument(
         "prediction_error_covariance: model and sums differ in their channels");
   }
-  MatrixXd error = -predictor_responses(model, sums.lags);
+  MatrixXd error = -predictor_responses(model, sums.lags, sums.states > 0);
   error.leftCols(sums.outputs) += MatrixXd::Identity(sums.outputs, sums.outputs);
   return error * sums.gram * error.transpose() / static_cast<double>(sums.windows);
 }
@@ -62,22 +65,29 @@ MatrixXd simulated_outputs(const InnovationForm& model, const Eigen::Ref<const M
   return y;
 }
 
-MatrixXd one_step_predictions(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& y,
-                              const Eigen::Ref<const MatrixXd>& u, const VectorXd& x0) {
-  MatrixXd predicted = model.D * u;
-  const MatrixXd drive = model.B * u;
+MatrixXd predictor_states(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& y,
+                          const Eigen::Ref<const MatrixXd>& u, const VectorXd& x0) {
+  MatrixXd states(model.states(), u.cols());
+  const MatrixXd drive = model.B * u, direct = model.D * u;
   VectorXd x = x0, next(x0.size()), e(model.outputs());
   for (Index t = 0; t < u.cols(); ++t) {
-    predicted.col(t).noalias() += model.C * x;
-    for (Index i = 0; i < e.size(); ++i) {
-      e[i] = std::isfinite(y(i, t)) ? y(i, t) - predicted(i, t) : 0.0;
+    states.col(t) = x;
+    e = y.col(t) - direct.col(t);
+    e.noalias() -= model.C * x;
+    for (double& each : e) {
+      if (!std::isfinite(each)) each = 0.0;
     }
-    next.noalias() = model.A * x;
+    next = drive.col(t);
+    next.noalias() += model.A * x;
     next.noalias() += model.K * e;
-    next += drive.col(t);
     x.swap(next);
   }
-  return predicted;
+  return states;
+}
+
+MatrixXd one_step_predictions(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& y,
+                              const Eigen::Ref<const MatrixXd>& u, const VectorXd& x0) {
+  return model.C * predictor_states(model, y, u, x0) + model.D * u;
 }
 
 VectorXd initial_state(const InnovationForm& model, const Eigen::Ref<const MatrixXd>& y,

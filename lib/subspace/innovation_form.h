@@ -20,9 +20,10 @@ struct InnovationForm {
 /// Largest absolute value of an eigenvalue; 0 of an empty matrix.
 double spectral_radius(const Eigen::MatrixXd& A);
 
-/// Its one-step predictor as responses in the order of LaggedProducts, p x (L+1)(p+m): block 0 is [0 D], block k
-/// is C (A - K C)^(k-1) [K, B - K D].
-Eigen::MatrixXd predictor_responses(const InnovationForm& model, Eigen::Index lags);
+/// Its one-step predictor as responses in the order of LaggedProducts, p x (L+1)(p+m) + states: block 0 is [0 D], block
+/// k is C (A - K C)^(k-1) [K, B - K D], and behind them, where there are states, C (A - K C)^L.
+Eigen::MatrixXd predictor_responses(const InnovationForm& model, Eigen::Index lags,
+                                    bool with_states = false);
 
 /// Covariance of the one-step prediction error on the recordings behind the sums, the predictor cut off behind
 /// their lags.
@@ -43,6 +44,12 @@ Eigen::MatrixXd prediction_error_covariance(const InnovationForm& model,
 Eigen::MatrixXd simulated_outputs(const InnovationForm& model,
                                   const Eigen::Ref<const Eigen::MatrixXd>& u,
                                   const Eigen::VectorXd& x0);
+
+/// The states of its predictor before every row, n x N; where an output is missing its prediction stands for it.
+Eigen::MatrixXd predictor_states(const InnovationForm& model,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& y,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& u,
+                                 const Eigen::VectorXd& x0);
 
 /// One-step predictions, p x N, each from all rows before; where an output is missing, its prediction stands for it.
 /// @param u   m x N, nothing missing

@@ -11,16 +11,20 @@ using Eigen::MatrixXd;
 
 constexpr Index kChunk = 4096;  // columns that stay in the cache while all lags pass over them
 
-// Adds the windows of one gapless stretch, q x T with T > lags.
-void add_stretch(const Eigen::Ref<const MatrixXd>& z, LaggedProducts& sums) {
-  const Index q = z.rows(), lags = sums.lags, last = z.cols();
+// Adds the windows of one gapless stretch, q x T with T > lags, and the states before its rows, n x T.
+void add_stretch(const Eigen::Ref<const MatrixXd>& z, const Eigen::Ref<const MatrixXd>& x,
+                 LaggedProducts& sums) {
+  const Index q = z.rows(), n = x.rows(), lags = sums.lags, last = z.cols(), at_x = (lags + 1) * q;
   MatrixXd G = MatrixXd::Zero(sums.gram.rows(), sums.gram.cols());
   for (Index from = lags; from < last; from += kChunk) {
     const Index count = std::min(kChunk, last - from);
+    const auto oldest = x.middleCols(from - lags, count);
     for (Index k = 0; k <= lags; ++k) {
-      G.block(0, k * q, q, q).noalias() +=
-          z.middleCols(from, count) * z.middleCols(from - k, count).transpose();
+      const auto lagged = z.middleCols(from - k, count);
+      G.block(0, k * q, q, q).noalias() += z.middleCols(from, count) * lagged.transpose();
+      if (n > 0) G.block(k * q, at_x, q, n).noalias() += lagged * oldest.transpose();
     }
+    if (n > 0) G.bottomRightCorner(n, n).noalias() += oldest * oldest.transpose();
   }
   // One row further back the sum has one product more at its begin and one less at its end.
   for (Index i = 0; i < lags; ++i) {
@@ -34,14 +38,18 @@ void add_stretch(const Eigen::Ref<const MatrixXd>& z, LaggedProducts& sums) {
   sums.windows += last - lags;
 }
 
-void check(const std::vector<MatrixXd>& y, const std::vector<MatrixXd>& u, Index lags) {
-  if (y.empty() || y.size() != u.size()) {
+void check(const std::vector<MatrixXd>& y, const std::vector<MatrixXd>& u,
+           const std::vector<MatrixXd>& x, Index lags) {
+  if (y.empty() || y.size() != u.size() || (!x.empty() && x.size() != y.size())) {
     throw std::invalid_argument("lagged_products: needs recordings, each with y and u");
   }
   for (std::size_t k = 0; k < y.size(); ++k) {
-    if (y[k].rows() != y[0].rows() || u[k].rows() != u[0].rows() || y[k].cols() != u[k].cols()) {
+    const bool fits = y[k].rows() == y[0].rows() && u[k].rows() == u[0].rows() &&
+                      y[k].cols() == u[k].cols() &&
+                      (x.empty() || (x[k].rows() == x[0].rows() && x[k].cols() == y[k].cols()));
+    if (!fits) {
       throw std::invalid_argument(
-          "lagged_products: recordings differ in their channels, or y and u in their rows");
+          "lagged_products: recordings differ in their channels, or y, u and x in their rows");
     }
   }
   if (lags < 1 || y[0].rows() < 1) {
@@ -52,18 +60,22 @@ void check(const std::vector<MatrixXd>& y, const std::vector<MatrixXd>& u, Index
 }  // namespace
 
 LaggedProducts lagged_products(const std::vector<MatrixXd>& y, const std::vector<MatrixXd>& u,
-                               Index lags) {
-  check(y, u, lags);
-  LaggedProducts sums{y[0].rows(), u[0].rows(), lags, 0, {}};
-  const Index q = sums.channels(), size = (lags + 1) * q;
+                               Index lags, const std::vector<MatrixXd>& x) {
+  check(y, u, x, lags);
+  LaggedProducts sums{y[0].rows(), u[0].rows(), lags, x.empty() ? 0 : x[0].rows(), 0, {}};
+  const Index q = sums.channels(), size = (lags + 1) * q + sums.states;
   sums.gram.setZero(size, size);
   for (std::size_t k = 0; k < y.size(); ++k) {
     MatrixXd z(q, y[k].cols());
     z << y[k], u[k];
+    const MatrixXd none(0, z.cols());
+    const MatrixXd& before = x.empty() ? none : x[k];
     Index begin = 0;
     for (Index t = 0; t <= z.cols(); ++t) {
       if (t < z.cols() && z.col(t).allFinite()) continue;
-      if (t - begin > lags) add_stretch(z.middleCols(begin, t - begin), sums);
+      const Index count = t - begin;
+      if (count > lags)
+        add_stretch(z.middleCols(begin, count), before.middleCols(begin, count), sums);
       begin = t + 1;
     }
   }

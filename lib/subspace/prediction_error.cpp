@@ -5,6 +5,7 @@
 #include <vector>
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 
 namespace identikal {
 namespace {
@@ -46,14 +47,18 @@ Responses responses(const InnovationForm& model, Index lags) {
 }
 
 // Row a n + l of what comes out: the states that a unit in every channel leaves in state l, seen a samples later, times
-// the root of the sums.
-MatrixXd delayed_states(const Responses& of, const MatrixXd& root, Index lags, Index q) {
-  const Index n = of.state.front().rows();
-  MatrixXd delayed = MatrixXd::Zero(lags * n, (lags + 1) * q);
-  for (Index a = 0; a < lags; ++a) {
+// the root of the sums. A unit in the state before the window counts where the window begins.
+MatrixXd delayed_states(const InnovationForm& model, const Responses& of, const MatrixXd& root,
+                        Index q, Index states) {
+  const Index n = model.states(), lags = static_cast<Index>(of.state.size());
+  MatrixXd delayed = MatrixXd::Zero((lags + 1) * n, root.rows()), power = MatrixXd::Identity(n, n);
+  const MatrixXd A = model.A - model.K * model.C;
+  for (Index a = lags; a >= 0; --a) {
     for (Index k = 1; k + a <= lags; ++k) {
       delayed.block(a * n, (k + a) * q, n, q) = of.state[static_cast<std::size_t>(k - 1)];
     }
+    if (states > 0) delayed.block(a * n, (lags + 1) * q, n, n) = power;
+    power = A * power;
   }
   return delayed * root;
 }
@@ -81,12 +86,33 @@ InnovationForm with_predictor_parameters(InnovationForm model, const VectorXd& t
   return model;
 }
 
+// A change of basis by T moves A by T A - A T, the inputs by T times themselves, C by -C T.
+MatrixXd local_coordinates(const InnovationForm& model) {
+  const Layout at(model);
+  const Index n = at.n, q = at.p + at.m;
+  const MatrixXd A = model.A - model.K * model.C;
+  MatrixXd input(n, q), tangents = MatrixXd::Zero(at.size, n * n);
+  input << model.K, model.B - model.K * model.D;
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < n; ++i) {
+      MatrixXd T = MatrixXd::Zero(n, n);
+      T(i, j) = 1.0;
+      tangents.col(j * n + i) << (T * A - A * T).reshaped(), (T * input).reshaped(),
+          (-model.C * T).reshaped(), VectorXd::Zero(at.size - at.D);
+    }
+  }
+  const Eigen::HouseholderQR<MatrixXd> qr(tangents);
+  MatrixXd rest = MatrixXd::Zero(at.size, at.size - n * n);
+  rest.bottomRows(at.size - n * n).setIdentity();
+  return qr.householderQ() * rest;
+}
+
 Index free_parameters(const InnovationForm& model) {
   return model.states() * (model.inputs() + 2 * model.outputs()) + model.outputs() * model.inputs();
 }
 
 PredictionErrorProblem::PredictionErrorProblem(const LaggedProducts& sums, const MatrixXd& sigma)
-    : p_(sums.outputs), q_(sums.channels()), lags_(sums.lags) {
+    : p_(sums.outputs), q_(sums.channels()), lags_(sums.lags), states_(sums.states) {
   const Eigen::LLT<MatrixXd> of_sigma(sigma);
   if (sigma.rows() != p_ || sigma.cols() != p_ || of_sigma.info() != Eigen::Success) {
     throw std::invalid_argument(
@@ -109,14 +135,14 @@ MatrixXd PredictionErrorProblem::derivatives(const InnovationForm& model) const 
   for (Index k = 0; k < lags_; ++k) {
     outputs.col(k) = (whiten_ * of.out[static_cast<std::size_t>(k)]).reshaped();
   }
-  const MatrixXd states = delayed_states(of, root_, lags_, q_);
+  const MatrixXd states = delayed_states(model, of, root_, q_, states_);
   MatrixXd out(p_ * width, at.size);
   const auto put = [&](Index first, const MatrixXd& rows) {  // n p x width, state by state
     for (Index j = 0; j < n; ++j) out.col(first + j) = rows.middleRows(j * p_, p_).reshaped();
   };
   for (Index l = 0; l < n; ++l) {
-    const MatrixXd later = states(Eigen::seqN(n + l, lags_ - 1, n), Eigen::all);
-    put(l * n, outputs.leftCols(lags_ - 1) * later);
+    const MatrixXd later = states(Eigen::seqN(n + l, lags_, n), Eigen::all);
+    put(l * n, outputs * later);
     for (Index i = 0; i < p_; ++i) {
       out.col(at.C + l * p_ + i) = (whiten_.col(i) * states.row(l)).reshaped();
     }
@@ -134,7 +160,7 @@ MatrixXd PredictionErrorProblem::derivatives(const InnovationForm& model) const 
 }
 
 bool PredictionErrorProblem::evaluate(const InnovationForm& model, VectorXd& r, MatrixXd* J) const {
-  MatrixXd error = -predictor_responses(model, lags_);
+  MatrixXd error = -predictor_responses(model, lags_, states_ > 0);
   if (!error.allFinite()) return false;
   error.leftCols(p_) += MatrixXd::Identity(p_, p_);
   r = (whiten_ * error * root_).reshaped();

@@ -14,11 +14,18 @@ Eigen::VectorXd predictor_parameters(const InnovationForm& model);
 /// The model of these parameters; sigma stays.
 InnovationForm with_predictor_parameters(InnovationForm model, const Eigen::VectorXd& theta);
 
+/// Orthonormal directions of theta that are no change of basis, theta x (theta - n^2): around this model every other one has
+/// one set of coordinates along them (McKelvey, Helmersson & Ribarits 2004, data-driven local coordinates).
+Eigen::MatrixXd local_coordinates(const InnovationForm& model);
+
 /// Numbers of free parameters of a model in any basis: n(m + 2p) + p m (Ljung 1999, section 4.3).
 Eigen::Index free_parameters(const InnovationForm& model);
 
 /// The sums as a problem of least squares, 1/2 ||r||^2 = 1/2 windows tr(W V) with V of
 /// prediction_error_covariance(): r = vec(W^(1/2) [I, -H] G^(1/2)).
+///
+/// Where the sums have states, those are of a predictor that this one is near: what they change with theta is left out, for
+/// it is uncorrelated with the innovations and fades with the lags.
 ///
 /// Example:
 ///
@@ -41,7 +48,7 @@ class PredictionErrorProblem {
  private:
   Eigen::MatrixXd derivatives(const InnovationForm& model) const;
 
-  Eigen::Index p_, q_, lags_;
+  Eigen::Index p_, q_, lags_, states_;
   Eigen::MatrixXd root_;    // G = root root'
   Eigen::MatrixXd whiten_;  // W = whiten' whiten
 };

@@ -90,6 +90,8 @@ def model_of(program, u, y, purpose):
         begin = time.time()
         run = subprocess.run([program, "model", path, "--input", ",".join(names[:u.shape[1]]), "--output",
                               ",".join(names[u.shape[1]:]), "--json", "--for", purpose], capture_output=True, text=True, check=False)
+    if run.returncode > 1:
+        sys.exit(f"{run.stderr}of {len(y)} rows, {names}")
     return json.loads(run.stdout), time.time() - begin
 
 

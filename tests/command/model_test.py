@@ -41,7 +41,7 @@ class Model(unittest.TestCase):
             self.assertLess(abs(box["gain"][0][0] - gain), 4 * box["gain_se"][0][0])
             self.assertAlmostEqual(0.01, found["filter"]["dt"])
             self.assertEqual(3, len(found["filter"]["K"]))
-            self.assertAlmostEqual(0.01, found["noise"]["R"][0][0], delta=0.001)
+            self.assertAlmostEqual(0.01, found["noise"]["R"]["matrix"][0][0], delta=0.001)
 
     def test_its_model_file_serves_the_other_verbs(self):
         with Folder() as made:
@@ -57,7 +57,7 @@ class Model(unittest.TestCase):
             self.assertIn("time", head)
             run("export", made.path / "out", "--to", "c", "-o", made.path / "code", code=0)
             validated = result("validate", made.path / "out", fresh)
-            self.assertGreater(min(fit["percent"] for fit in validated["fit"]["one_step"].values()), 80)
+            self.assertGreater(min(fit["fit_percent"] for fit in validated["fit"]["one_step"].values()), 80)
 
     def test_orders_purposes_and_units(self):
         with Folder() as made:
@@ -136,7 +136,7 @@ class Model(unittest.TestCase):
             self.skipTest("no benchmarks beside the repository")
         for name, inputs, outputs in (("dryer", "u1", "y1"), ("robot_arm", "u1", "y1"), ("thermic_res_wall", "u1,u2", "y1")):
             found = result_of_any("model", folder / f"daisy_{name}.csv", "--input", inputs, "--output", outputs)
-            self.assertGreater(min(fit["percent"] for fit in found["fit"]["simulation"].values()), 75)
+            self.assertGreater(min(fit["fit_percent"] for fit in found["fit"]["simulation"].values()), 75)
 
 
 def result_of_any(*arguments):

@@ -105,56 +105,66 @@ MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& 
   return sum / std::max(count, 1.0);
 }
 
-namespace {
-
-// Sums over as many lags as the predictor takes to forget, where the recordings have them.
-LaggedProducts sums_until_forgotten(const InnovationForm& model, const ScaledRecordings& recordings,
-                                    const LaggedProducts& sums) {
-  constexpr Index kMostColumns = 360;
-  const double radius = std::min(0.999, spectral_radius(model.A - model.K * model.C));
-  const auto needed = static_cast<Index>(std::log(0.02) / std::log(std::max(radius, 1e-3))) + 1;
-  const Index lags = std::min({needed, kMostColumns / sums.channels(), recordings.rows() / 10});
-  return lags <= sums.lags ? sums : lagged_products(recordings.y, recordings.u, lags);
+LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& recordings,
+                           Index lags) {
+  std::vector<MatrixXd> states;
+  for (std::size_t k = 0; k < recordings.y.size(); ++k) {
+    states.push_back(
+        predictor_states(model, recordings.y[k], recordings.u[k], VectorXd::Zero(model.states())));
+  }
+  return lagged_products(recordings.y, recordings.u, lags, states);
 }
 
+namespace {
+
 // From here to the least squares of the predictions, weighed by the inverse of their covariance here.
-InnovationForm one_search(const InnovationForm& from, const LaggedProducts& sums) {
+InnovationForm one_search(const InnovationForm& from, const LaggedProducts& sums,
+                          double tolerance) {
   MatrixXd V = prediction_error_covariance(from, sums);
   V.diagonal() += 1e-14 * V.diagonal() + VectorXd::Constant(V.rows(), 1e-300);
   if (!std::isfinite(half_log_determinant(V))) return from;
   const PredictionErrorProblem errors(sums, V);
+  const VectorXd theta = predictor_parameters(from);
+  const MatrixXd directions = local_coordinates(from);
   LeastSquares problem;
   MatrixXd J;
-  problem.evaluate = [&](const VectorXd& theta, VectorXd& r, LeastSquares::RowMatrix* of) {
-    if (!errors.evaluate(with_predictor_parameters(from, theta), r, of != nullptr ? &J : nullptr)) {
-      return false;
-    }
-    if (of != nullptr) *of = J;
+  problem.evaluate = [&](const VectorXd& along, VectorXd& r, LeastSquares::RowMatrix* of) {
+    const InnovationForm here = with_predictor_parameters(from, theta + directions * along);
+    if (!errors.evaluate(here, r, of != nullptr ? &J : nullptr)) return false;
+    if (of != nullptr) of->noalias() = J * directions;
     return true;
   };
-  const VectorXd theta = predictor_parameters(from);
   problem.residuals = errors.residuals();
-  problem.lower.setConstant(theta.size(), -std::numeric_limits<double>::infinity());
+  problem.lower.setConstant(directions.cols(), -std::numeric_limits<double>::infinity());
   problem.upper = -problem.lower;
   SolverOptions options;
-  options.max_iterations = 12;
-  options.function_tolerance = 1e-6;
+  options.max_iterations = 15;
+  options.function_tolerance = tolerance;
   options.normal_equations = true;
-  return with_predictor_parameters(from, solve(problem, theta, options).x);
+  const VectorXd found = solve(problem, VectorXd::Zero(directions.cols()), options).x;
+  return with_predictor_parameters(from, theta + directions * found);
 }
 
 }  // namespace
 
 InnovationForm refined(const InnovationForm& start, const ScaledRecordings& recordings,
                        const LaggedProducts& sums) {
-  const LaggedProducts longer = sums_until_forgotten(start, recordings, sums);
-  InnovationForm model = start;
-  for (int round = 0; round < 2; ++round) model = one_search(model, longer);
-  // Cut off behind the lags a predictor may do well that grows, or that never forgets.
-  if (spectral_radius(model.A - model.K * model.C) >= 1.0) return start;
-  const double before = half_log_determinant(prediction_errors(start, recordings, sums));
-  const double after = half_log_determinant(prediction_errors(model, recordings, sums));
-  return after < before ? model : start;
+  InnovationForm best = start;
+  double least = half_log_determinant(prediction_errors(best, recordings, sums));
+  // Neither the weights nor the states of a search are those at its end: the first need not go to its last digit.
+  for (const double tolerance : {1e-3, 1e-5, 1e-7}) {
+    const InnovationForm model =
+        one_search(best, sums_around(best, recordings, sums.lags), tolerance);
+    if (spectral_radius(model.A - model.K * model.C) >= 1.0) break;
+    const double now = half_log_determinant(prediction_errors(model, recordings, sums));
+    if (!(now < least)) break;
+    const double gain = (least - now) * static_cast<double>(sums.windows);
+    best = model;
+    least = now;
+    constexpr double kNothing = 0.05;  // of log-likelihood
+    if (gain < kNothing) break;
+  }
+  return best;
 }
 
 InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& recordings, int order,

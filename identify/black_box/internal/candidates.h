@@ -63,6 +63,10 @@ void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& hel
 Eigen::MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& recordings,
                                   const LaggedProducts& sums);
 
+/// The sums with the states of this model before every window: near it nothing is cut off behind the lags.
+LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& recordings,
+                           Eigen::Index lags);
+
 /// The model of the prediction error method from this one on; the start where it predicts no better.
 InnovationForm refined(const InnovationForm& start, const ScaledRecordings& recordings,
                        const LaggedProducts& sums);

@@ -63,12 +63,12 @@ MatrixXd predictor_covariance(const InnovationForm& model, const LaggedProducts&
   if (sigma.llt().info() != Eigen::Success) return {};
   const PredictionErrorProblem errors(sums, sigma);
   if (!errors.evaluate(model, r, &J)) return {};
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(J.transpose() * J);
-  const Index n = model.states(), rank = J.cols() - n * n;
+  const MatrixXd directions = local_coordinates(model), along = J * directions;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(along.transpose() * along);
   const VectorXd& values = modes.eigenvalues();
-  if (rank < 1 || !(values[n * n] > 1e-12 * values[J.cols() - 1])) return {};
-  const MatrixXd V = modes.eigenvectors().rightCols(rank);
-  return V * values.tail(rank).cwiseInverse().asDiagonal() * V.transpose();
+  if (!(values[0] > 1e-12 * values[values.size() - 1])) return {};
+  const MatrixXd V = directions * modes.eigenvectors();
+  return V * values.cwiseInverse().asDiagonal() * V.transpose();
 }
 
 std::vector<BlackBox::Pole> poles_with_errors(const InnovationForm& model,

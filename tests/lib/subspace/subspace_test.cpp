@@ -59,14 +59,14 @@ Record recorded(const InnovationForm& system, Index rows, std::uint64_t seed) {
 MatrixXd windows(const Record& record, Index lags) {
   MatrixXd z(record.y.rows() + record.u.rows(), record.y.cols());
   z << record.y, record.u;
-  MatrixXd out(0, (lags + 1) * z.rows());
+  MatrixXd out(z.cols(), (lags + 1) * z.rows());
+  Index count = 0;
   for (Index t = lags; t < z.cols(); ++t) {
     VectorXd w(out.cols());
     for (Index k = 0; k <= lags; ++k) w.segment(k * z.rows(), z.rows()) = z.col(t - k);
-    if (!w.allFinite()) continue;
-    out.conservativeResize(out.rows() + 1, Eigen::NoChange);
-    out.row(out.rows() - 1) = w.transpose();
+    if (w.allFinite()) out.row(count++) = w.transpose();
   }
+  out.conservativeResize(count, Eigen::NoChange);
   return out;
 }
 
