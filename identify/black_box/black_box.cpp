@@ -46,7 +46,7 @@ struct Search {
 void fit_to_all_rows(const Search& search, BlackBoxCandidate& candidate) {
   candidate.model =
       fitted(search.of_all, search.all, candidate.order, candidate.refinement, search.simulates());
-  judge_on_fitted(candidate, search.of_all.sums);
+  judge_on_fitted(candidate, search.all, search.of_all.sums);
 }
 
 // Fits of held-out rows by the first ones; where BIC is wanted the model of all rows too.
@@ -103,14 +103,14 @@ void refine_likeliest(const Search& search, std::vector<BlackBoxCandidate>& all,
   }
 }
 
-// Does the last candidate, a refined one, predict held-out rows worse than what it began with?
+// Does the last candidate, a refined one, predict held-out rows worse than some that are not refined?
 bool overfits(const std::vector<BlackBoxCandidate>& all) {
   constexpr double kWorse = 0.001;  // of the fit
+  double best = -std::numeric_limits<double>::infinity();
   for (const BlackBoxCandidate& each : all) {
-    if (each.order != all.back().order || each.refinement != Refinement::none) continue;
-    return all.back().prediction < each.prediction - kWorse;
+    if (each.refinement == Refinement::none) best = std::max(best, each.prediction);
   }
-  return false;
+  return all.back().prediction < best - kWorse;
 }
 
 // Where nothing is said what the model is for: the likeliest one, unless another simulates better.
@@ -288,7 +288,7 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   check_options(options);
   ScaledRecordings all = scaled(recordings);
   SplitRecordings parts = split(all, 1.0 - options.held_out_share);
-  constexpr Index kMostHeldOut = 100000;  // rows
+  constexpr Index kMostHeldOut = 40000;  // rows
   parts.rest = first_rows(parts.rest, kMostHeldOut);
   const Index lags = suitable_lags(parts.first, options.most_order);
   SubspaceStart of_first = subspace_start(parts.first, lags, nullptr);

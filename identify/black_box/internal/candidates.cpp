@@ -83,19 +83,31 @@ SubspaceStart subspace_start(const ScaledRecordings& recordings, Index lags,
   return {std::move(sums), prior, std::move(states)};
 }
 
+namespace {
+
+// More rows than these change no choice.
+constexpr Index kEnoughRows = 200000;
+
+// Is nothing left in the predictor of what was before so many rows?
+bool forgets(const InnovationForm& model, Index lags) {
+  return std::pow(spectral_radius(model.A - model.K * model.C), static_cast<double>(lags)) < 1e-6;
+}
+
+}  // namespace
+
 MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& recordings,
                            const LaggedProducts& sums) {
-  constexpr Index kLong = 200000;
-  const double forgets =
-      std::pow(spectral_radius(model.A - model.K * model.C), static_cast<double>(sums.lags));
-  if (recordings.rows() > kLong && forgets < 1e-3) return prediction_error_covariance(model, sums);
+  if (recordings.rows() > kEnoughRows && forgets(model, sums.lags)) {
+    return prediction_error_covariance(model, sums);
+  }
+  const ScaledRecordings enough = first_rows(recordings, kEnoughRows);
   MatrixXd sum = MatrixXd::Zero(model.outputs(), model.outputs());
   double count = 0.0;
-  for (std::size_t k = 0; k < recordings.y.size(); ++k) {
-    const MatrixXd& y = recordings.y[k];
+  for (std::size_t k = 0; k < enough.y.size(); ++k) {
+    const MatrixXd& y = enough.y[k];
     if (y.cols() <= sums.lags) continue;
     const MatrixXd e =
-        y - one_step_predictions(model, y, recordings.u[k], VectorXd::Zero(model.states()));
+        y - one_step_predictions(model, y, enough.u[k], VectorXd::Zero(model.states()));
     for (Index t = sums.lags; t < e.cols(); ++t) {
       if (!y.col(t).allFinite()) continue;
       sum.noalias() += e.col(t) * e.col(t).transpose();
@@ -117,9 +129,10 @@ LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& 
 
 namespace {
 
+// @param last_gain  of log-likelihood, below which it ends
 // From here to the least squares of the predictions, weighed by the inverse of their covariance here.
 InnovationForm one_search(const InnovationForm& from, const LaggedProducts& sums,
-                          double tolerance) {
+                          double last_gain) {
   MatrixXd V = prediction_error_covariance(from, sums);
   V.diagonal() += 1e-14 * V.diagonal() + VectorXd::Constant(V.rows(), 1e-300);
   if (!std::isfinite(half_log_determinant(V))) return from;
@@ -139,7 +152,8 @@ InnovationForm one_search(const InnovationForm& from, const LaggedProducts& sums
   problem.upper = -problem.lower;
   SolverOptions options;
   options.max_iterations = 15;
-  options.function_tolerance = tolerance;
+  // Of the objective, which begins at half the number of residuals. A step of less gain is not taken.
+  options.function_tolerance = 2.0 * last_gain / static_cast<double>(sums.windows * sums.outputs);
   options.normal_equations = true;
   const VectorXd found = solve(problem, VectorXd::Zero(directions.cols()), options).x;
   return with_predictor_parameters(from, theta + directions * found);
@@ -152,9 +166,10 @@ InnovationForm refined(const InnovationForm& start, const ScaledRecordings& reco
   InnovationForm best = start;
   double least = half_log_determinant(prediction_errors(best, recordings, sums));
   // Neither the weights nor the states of a search are those at its end: the first need not go to its last digit.
-  for (const double tolerance : {1e-3, 1e-5, 1e-7}) {
+  for (const double last_gain : {0.03, 0.01, 0.001}) {
+    const bool far_back = !forgets(best, sums.lags);
     const InnovationForm model =
-        one_search(best, sums_around(best, recordings, sums.lags), tolerance);
+        one_search(best, far_back ? sums_around(best, recordings, sums.lags) : sums, last_gain);
     if (spectral_radius(model.A - model.K * model.C) >= 1.0) break;
     const double now = half_log_determinant(prediction_errors(model, recordings, sums));
     if (!(now < least)) break;
@@ -176,19 +191,20 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
   if (stable) model = with_poles_within(std::move(model), kStable);
   if (recordings.u.front().rows() > 0 &&
       (how == Refinement::simulation || (stable && !was_stable))) {
-    // Rows of the work of 1 s: more would cost more than they tell.
+    // Rows of the work of a twentieth of a second: more would cost more than they tell.
     const auto n = static_cast<double>(order), m = static_cast<double>(model.inputs());
-    const auto affordable = static_cast<Index>(1e9 / (n * n * n * m));
+    const auto affordable = static_cast<Index>(5e7 / (n * n * n * m));
     const ScaledRecordings enough = first_rows(recordings, std::max<Index>(affordable, 2000));
     model = with_inputs_by_simulation(std::move(model), enough.y, enough.u);
   }
-  model = with_stable_predictor(model);
-  model.sigma = prediction_errors(model, recordings, start.sums);
-  return model;
+  return with_stable_predictor(model);
 }
 
-void judge_on_fitted(BlackBoxCandidate& candidate, const LaggedProducts& sums) {
-  const auto rows = static_cast<double>(sums.windows), p = static_cast<double>(sums.outputs);
+void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recordings,
+                     const LaggedProducts& sums) {
+  candidate.model.sigma = prediction_errors(candidate.model, recordings, sums);
+  const auto rows = static_cast<double>(std::min(sums.windows, kEnoughRows));
+  const auto p = static_cast<double>(sums.outputs);
   const double half = half_log_determinant(candidate.model.sigma);
   candidate.log_likelihood = -rows * (half + 0.5 * p * (1.0 + std::log(2.0 * std::numbers::pi)));
   candidate.bic = -2.0 * candidate.log_likelihood +

@@ -49,12 +49,13 @@ struct BlackBoxCandidate {
   double prediction = 0.0;  ///< the same, one step ahead
 };
 
-/// The model of an order; stable where its simulation has to be.
+/// The model of an order, its sigma of the regression on the states; stable where its simulation has to be.
 InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& recordings, int order,
                       Refinement how, bool stable);
 
-/// Fills log-likelihood and BIC by the model's sigma.
-void judge_on_fitted(BlackBoxCandidate& candidate, const LaggedProducts& sums);
+/// Fills sigma, log-likelihood and BIC by the predictions of the rows that it was fitted to.
+void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recordings,
+                     const LaggedProducts& sums);
 /// Fills the fits of rows that were not seen, mean over outputs.
 void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out);
 

@@ -219,6 +219,52 @@ TEST(PredictionErrorProblem, DerivativesAreThoseOfDifferences) {
   }
 }
 
+// With the states of its own predictor before every window nothing is cut off, however few the lags.
+TEST(PredictionErrorProblem, WithStatesNothingIsCutOff) {
+  const InnovationForm model = two_states();
+  const Record record = recorded(model, 500, 9);
+  const MatrixXd x = predictor_states(model, record.y, record.u, VectorXd::Zero(2));
+  const LaggedProducts sums = lagged_products({record.y}, {record.u}, 3, {x});
+  const MatrixXd e = record.y - one_step_predictions(model, record.y, record.u, VectorXd::Zero(2));
+  const MatrixXd of_rows = e.rightCols(497) * e.rightCols(497).transpose() / 497.0;
+  EXPECT_LT((prediction_error_covariance(model, sums) - of_rows).norm(), 1e-12);
+
+  const PredictionErrorProblem problem(sums, model.sigma);
+  VectorXd r, ahead, behind;
+  MatrixXd J;
+  ASSERT_TRUE(problem.evaluate(model, r, &J));
+  const VectorXd theta = predictor_parameters(model);
+  for (Index i = 0; i < theta.size(); ++i) {
+    constexpr double kStep = 1e-6;
+    VectorXd moved = theta;
+    moved[i] += kStep;
+    problem.evaluate(with_predictor_parameters(model, moved), ahead, nullptr);
+    moved[i] -= 2.0 * kStep;
+    problem.evaluate(with_predictor_parameters(model, moved), behind, nullptr);
+    EXPECT_LT(((ahead - behind) / (2.0 * kStep) - J.col(i)).norm(), 1e-6 * (1.0 + J.col(i).norm()))
+        << i;
+  }
+}
+
+TEST(PredictionErrorProblem, LocalCoordinatesAreNoChangeOfBasis) {
+  const InnovationForm model = two_states();
+  const MatrixXd directions = local_coordinates(model);
+  EXPECT_EQ(directions.cols(), predictor_parameters(model).size() - 4);
+  EXPECT_LT((directions.transpose() * directions -
+             MatrixXd::Identity(directions.cols(), directions.cols()))
+                .norm(),
+            1e-12);
+  constexpr double kStep = 1e-6;
+  const MatrixXd T = MatrixXd::Identity(2, 2) + kStep * MatrixXd{{0.3, -1.0}, {0.7, 0.2}};
+  InnovationForm turned = model;
+  turned.A = T * model.A * T.inverse();
+  turned.B = T * model.B;
+  turned.K = T * model.K;
+  turned.C = model.C * T.inverse();
+  const VectorXd moved = (predictor_parameters(turned) - predictor_parameters(model)) / kStep;
+  EXPECT_LT((directions.transpose() * moved).norm(), 1e-5 * moved.norm());
+}
+
 TEST(PredictionErrorProblem, ParametersGoThereAndBack) {
   const InnovationForm model = two_states();
   const InnovationForm back = with_predictor_parameters(model, predictor_parameters(model));
