@@ -62,8 +62,13 @@ std::vector<BlackBoxCandidate> candidates(const Search& search, const BlackBoxOp
   const auto most = static_cast<int>(
       std::min({static_cast<Index>(options.most_order), search.of_first.states.most_states(),
                 search.of_all.states.most_states()}));
+  if (options.least_order > most) {
+    throw InputError(
+        {}, fmt::format("an order of {}", options.least_order),
+        fmt::format("at most {}: what is more these recordings do not tell from rounding", most));
+  }
   std::vector<BlackBoxCandidate> out;
-  for (int order = std::min(options.least_order, most); order <= most; ++order) {
+  for (int order = options.least_order; order <= most; ++order) {
     if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
     out.push_back(candidate(search, order, Refinement::none, true));
     if (search.simulates()) out.push_back(candidate(search, order, Refinement::simulation, false));

@@ -50,7 +50,8 @@ struct BlackBoxResult {
 ///
 /// @param channels    whose name, inputs, outputs and time are taken, nothing else
 /// @param recordings  of these channels, on one sampling grid; outputs may miss samples, inputs not
-/// @throws InputError for a channel that never changes, and for recordings too short for any model
+/// @throws InputError for a channel that never changes, an input with gaps, recordings too short for any model or
+///   for the least order
 /// @throws std::invalid_argument for options outside of their limits
 BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Dataset>& recordings,
                                   const BlackBoxOptions& options);

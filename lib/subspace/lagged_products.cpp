@@ -11,8 +11,8 @@ using Eigen::MatrixXd;
 
 constexpr Index kChunk = 4096;  // columns that stay in the cache while all lags pass over them
 
-// Adds the windows of one gapless stretch, q x T with T > lags, and the states before its rows, n x T.
-void add_stretch(const Eigen::Ref<const MatrixXd>& z, const Eigen::Ref<const MatrixXd>& x,
+// Adds the windows of one gapless segment, q x T with T > lags, and the states before its rows, n x T.
+void add_segment(const Eigen::Ref<const MatrixXd>& z, const Eigen::Ref<const MatrixXd>& x,
                  LaggedProducts& sums) {
   const Index q = z.rows(), n = x.rows(), lags = sums.lags, last = z.cols(), at_x = (lags + 1) * q;
   MatrixXd G = MatrixXd::Zero(sums.gram.rows(), sums.gram.cols());
@@ -75,7 +75,7 @@ LaggedProducts lagged_products(const std::vector<MatrixXd>& y, const std::vector
       if (t < z.cols() && z.col(t).allFinite()) continue;
       const Index count = t - begin;
       if (count > lags)
-        add_stretch(z.middleCols(begin, count), before.middleCols(begin, count), sums);
+        add_segment(z.middleCols(begin, count), before.middleCols(begin, count), sums);
       begin = t + 1;
     }
   }

@@ -4,7 +4,7 @@
     tests/bench/daisy.py build/identikal FOLDER    # FOLDER: daisy_NAME.csv, columns u1.., y1..
 
 Channels are scaled and centred over the whole file, as whoever made the anchors did. Prints the fit in %, mean over outputs, beside that of
-the best order in hindsight of 12 by Octave-control 3.4's n4sid (SLICOT), and processor time. Needs numpy."""
+Octave-control 3.4's n4sid (SLICOT) at the order of 12 that turned out best, and processor time. Needs numpy."""
 import json
 import pathlib
 import resource

@@ -77,6 +77,11 @@ Index suitable_lags(const ScaledRecordings& recordings, int most_order) {
 SubspaceStart subspace_start(const ScaledRecordings& recordings, Index lags,
                              const PredictorPrior* start) {
   LaggedProducts sums = lagged_products(recordings.y, recordings.u, lags);
+  if (sums.windows < 2 * sums.channels()) {
+    throw InputError(
+        {}, fmt::format("{} rows have {} rows without a gap before them", sums.windows, lags),
+        fmt::format("at least {}", 2 * sums.channels()), "fill the gaps, or record more");
+  }
   const PredictorRegression regression(sums);
   const PredictorPrior prior = likeliest_prior(regression, start);
   Realisation states(sums, regression.estimate(prior));
@@ -129,8 +134,8 @@ LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& 
 
 namespace {
 
-// @param last_gain  of log-likelihood, below which it ends
 // From here to the least squares of the predictions, weighed by the inverse of their covariance here.
+// @param last_gain  of log-likelihood, below which it ends
 InnovationForm one_search(const InnovationForm& from, const LaggedProducts& sums,
                           double last_gain) {
   MatrixXd V = prediction_error_covariance(from, sums);

@@ -77,6 +77,11 @@ Index ScaledRecordings::rows() const {
 
 ScaledRecordings scaled(const std::vector<Dataset>& recordings) {
   const Dataset& first = recordings.front();
+  for (const Dataset& each : recordings) {
+    if (each.u.allFinite()) continue;
+    throw InputError({each.name, 0, 0}, "an input has missing samples", "a value in every row",
+                     "fill the gaps: what an input was meanwhile moves the outputs later");
+  }
   const std::vector<ChannelScale> of_y = channel_scales(recordings, &Dataset::y, first.outputs);
   const std::vector<ChannelScale> of_u = channel_scales(recordings, &Dataset::u, first.inputs);
   const bool centred = are_deviations(of_y) && are_deviations(of_u);

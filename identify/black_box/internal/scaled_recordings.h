@@ -24,7 +24,7 @@ struct ScaledRecordings {
 
 /// The operating point is the mean of all rows, unless every channel's mean is within two of its standard errors
 /// of zero: then they are deviations already, and a mean would be noise.
-/// @throws InputError for a channel that never changes, by its name
+/// @throws InputError for a channel that never changes, by its name, and for an input with gaps
 ScaledRecordings scaled(const std::vector<Dataset>& recordings);
 
 /// The first `share` of every recording, and the rest.
