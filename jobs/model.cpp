@@ -252,7 +252,8 @@ Verb model_verb() {
       verb, "--for", options->purpose, {"automatic", "simulation", "prediction"},
       "What the model is to be good at. simulation: outputs from inputs alone, judged on held-out "
       "rows; "
-      "prediction: the next row, judged by BIC; automatic: simulation where there are inputs.");
+      "prediction: the next row, judged by BIC; automatic: the likeliest, unless another simulates "
+      "held-out rows better.");
   add_text(verb, "--hold-out", options->hold_out,
            "Last share of each recording that orders are judged on.");
   add_range(verb, options->recordings.range);

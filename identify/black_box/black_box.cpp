@@ -34,7 +34,7 @@ const char* to_string(Refinement how) {
 }
 
 // What the search for a model works on: all rows, and their first ones, which candidates are fitted to.
-struct Search {
+struct ModelSearch {
   ScaledRecordings all;
   SplitRecordings parts;
   SubspaceStart of_first, of_all;
@@ -43,14 +43,14 @@ struct Search {
   bool simulates() const { return has_inputs && purpose != BlackBoxPurpose::prediction; }
 };
 
-void fit_to_all_rows(const Search& search, BlackBoxCandidate& candidate) {
+void fit_to_all_rows(const ModelSearch& search, BlackBoxCandidate& candidate) {
   candidate.model =
       fitted(search.of_all, search.all, candidate.order, candidate.refinement, search.simulates());
   judge_on_fitted(candidate, search.all, search.of_all.sums);
 }
 
 // Fits of held-out rows by the first ones; where BIC is wanted the model of all rows too.
-BlackBoxCandidate candidate(const Search& search, int order, Refinement how, bool with_bic) {
+BlackBoxCandidate candidate(const ModelSearch& search, int order, Refinement how, bool with_bic) {
   BlackBoxCandidate out{
       order, how, fitted(search.of_first, search.parts.first, order, how, search.simulates())};
   judge_on_held_out(out, search.parts.rest);
@@ -58,7 +58,8 @@ BlackBoxCandidate candidate(const Search& search, int order, Refinement how, boo
   return out;
 }
 
-std::vector<BlackBoxCandidate> candidates(const Search& search, const BlackBoxOptions& options) {
+std::vector<BlackBoxCandidate> candidates(const ModelSearch& search,
+                                          const BlackBoxOptions& options) {
   const auto most = static_cast<int>(
       std::min({static_cast<Index>(options.most_order), search.of_first.states.most_states(),
                 search.of_all.states.most_states()}));
@@ -100,7 +101,7 @@ std::size_t least_bic(const std::vector<BlackBoxCandidate>& all) {
 }
 
 // The order of least BIC and its neighbours by the prediction error method.
-void refine_likeliest(const Search& search, std::vector<BlackBoxCandidate>& all, int around) {
+void refine_likeliest(const ModelSearch& search, std::vector<BlackBoxCandidate>& all, int around) {
   const int order = all[least_bic(all)].order;
   const int least = all.front().order, most = all.back().order;
   for (int each = std::max(least, order - around); each <= std::min(most, order + around); ++each) {
@@ -119,7 +120,7 @@ bool overfits(const std::vector<BlackBoxCandidate>& all) {
 }
 
 // Where nothing is said what the model is for: the likeliest one, unless another simulates better.
-std::size_t choose(const Search& search, std::vector<BlackBoxCandidate>& all) {
+std::size_t choose(const ModelSearch& search, std::vector<BlackBoxCandidate>& all) {
   if (!search.has_inputs || search.purpose == BlackBoxPurpose::prediction) {
     refine_likeliest(search, all, 1);
     return least_bic(all);
@@ -180,7 +181,7 @@ std::vector<Dataset> deviations(std::vector<Dataset> recordings, const Operating
   return recordings;
 }
 
-BlackBox description(const Search& search, const std::vector<BlackBoxCandidate>& all,
+BlackBox description(const ModelSearch& search, const std::vector<BlackBoxCandidate>& all,
                      const BlackBoxCandidate& chosen, const BlackBoxOptions& options) {
   BlackBox out;
   out.purpose = search.purpose == BlackBoxPurpose::automatic && search.has_inputs ? "automatic"
@@ -202,8 +203,8 @@ BlackBox description(const Search& search, const std::vector<BlackBoxCandidate>&
 }
 
 // Poles, gains, delays and the operating point of the chosen model.
-void describe_model(const Search& search, const Dataset& first, const BlackBoxCandidate& chosen,
-                    BlackBox& out) {
+void describe_model(const ModelSearch& search, const Dataset& first,
+                    const BlackBoxCandidate& chosen, BlackBox& out) {
   const MatrixXd covariance = predictor_covariance(
       chosen.model, sums_around(chosen.model, search.all, search.of_all.sums.lags));
   out.poles = poles_with_errors(chosen.model, covariance, first.dt);
@@ -233,7 +234,7 @@ void describe_model(const Search& search, const Dataset& first, const BlackBoxCa
 }
 
 // Fit of the outputs by the inputs alone, from a first state that the first rows tell.
-void simulate_all(const Search& search, const BlackBoxCandidate& chosen,
+void simulate_all(const ModelSearch& search, const BlackBoxCandidate& chosen,
                   const std::vector<Channel>& outputs, FilterEstimate& estimate) {
   const Index p = chosen.model.outputs();
   MatrixXd y(p, search.all.rows()), e = y;
@@ -255,7 +256,7 @@ void simulate_all(const Search& search, const BlackBoxCandidate& chosen,
 }
 
 // What the candidates' fits say of the answer.
-Findings judged(const Search& search, const BlackBoxCandidate& chosen) {
+Findings judged(const ModelSearch& search, const BlackBoxCandidate& chosen) {
   Findings out;
   const double fit = search.simulates() ? chosen.simulation : chosen.prediction;
   constexpr double kNothing = 0.01;  // what a model of pure noise reaches by chance
@@ -298,7 +299,7 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   const Index lags = suitable_lags(parts.first, options.most_order);
   SubspaceStart of_first = subspace_start(parts.first, lags, nullptr);
   SubspaceStart of_all = subspace_start(all, lags, &of_first.prior);
-  Search search{std::move(all), std::move(parts), std::move(of_first), std::move(of_all)};
+  ModelSearch search{std::move(all), std::move(parts), std::move(of_first), std::move(of_all)};
   search.has_inputs = !channels.inputs.empty();
   search.purpose = options.purpose;
   if (search.purpose == BlackBoxPurpose::simulation && !search.has_inputs) {

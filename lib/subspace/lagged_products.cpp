@@ -9,15 +9,16 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr Index kChunk = 4096;  // columns that stay in the cache while all lags pass over them
+constexpr Index kColumnsAtOnce =
+    4096;  // columns that stay in the cache while all lags pass over them
 
 // Adds the windows of one gapless segment, q x T with T > lags, and the states before its rows, n x T.
 void add_segment(const Eigen::Ref<const MatrixXd>& z, const Eigen::Ref<const MatrixXd>& x,
                  LaggedProducts& sums) {
   const Index q = z.rows(), n = x.rows(), lags = sums.lags, last = z.cols(), at_x = (lags + 1) * q;
   MatrixXd G = MatrixXd::Zero(sums.gram.rows(), sums.gram.cols());
-  for (Index from = lags; from < last; from += kChunk) {
-    const Index count = std::min(kChunk, last - from);
+  for (Index from = lags; from < last; from += kColumnsAtOnce) {
+    const Index count = std::min(kColumnsAtOnce, last - from);
     const auto oldest = x.middleCols(from - lags, count);
     for (Index k = 0; k <= lags; ++k) {
       const auto lagged = z.middleCols(from - k, count);

@@ -15,9 +15,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Where the blocks of theta begin.
-struct Layout {
+struct ThetaLayout {
   Index n, p, m, A = 0, input, C, D, size;
-  explicit Layout(const InnovationForm& model)
+  explicit ThetaLayout(const InnovationForm& model)
       : n(model.states()),
         p(model.outputs()),
         m(model.inputs()),
@@ -66,7 +66,7 @@ MatrixXd delayed_states(const InnovationForm& model, const Responses& of, const 
 }  // namespace
 
 VectorXd predictor_parameters(const InnovationForm& model) {
-  const Layout at(model);
+  const ThetaLayout at(model);
   VectorXd theta(at.size);
   const MatrixXd A = model.A - model.K * model.C;
   MatrixXd input(at.n, at.p + at.m);
@@ -76,7 +76,7 @@ VectorXd predictor_parameters(const InnovationForm& model) {
 }
 
 InnovationForm with_predictor_parameters(InnovationForm model, const VectorXd& theta) {
-  const Layout at(model);
+  const ThetaLayout at(model);
   const MatrixXd input = theta.segment(at.input, at.n * (at.p + at.m)).reshaped(at.n, at.p + at.m);
   model.C = theta.segment(at.C, at.p * at.n).reshaped(at.p, at.n);
   model.D = theta.segment(at.D, at.p * at.m).reshaped(at.p, at.m);
@@ -88,7 +88,7 @@ InnovationForm with_predictor_parameters(InnovationForm model, const VectorXd& t
 
 // A change of basis by T moves A by T A - A T, the inputs by T times themselves, C by -C T.
 MatrixXd local_coordinates(const InnovationForm& model) {
-  const Layout at(model);
+  const ThetaLayout at(model);
   const Index n = at.n, q = at.p + at.m;
   const MatrixXd A = model.A - model.K * model.C;
   MatrixXd input(n, q), tangents = MatrixXd::Zero(at.size, n * n);
@@ -128,7 +128,7 @@ PredictionErrorProblem::PredictionErrorProblem(const LaggedProducts& sums, const
 // Every derivative of the responses is a sum of columns, the whitened outputs that follow a unit in one state, times
 // rows of the root of the sums; each column of the result is the vec of p x root.cols().
 MatrixXd PredictionErrorProblem::derivatives(const InnovationForm& model) const {
-  const Layout at(model);
+  const ThetaLayout at(model);
   const Index n = at.n, width = root_.cols();
   const Responses of = responses(model, lags_);
   MatrixXd outputs(n * p_, lags_);  // column k - 1: vec of whitened C A^(k-1)

@@ -12,7 +12,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kChunk =
+constexpr Index kRowsAtOnce =
     256;  // rows of the regression that are added to the normal equations at once
 
 // Normal equations of [vec B; vec D'; x0], of one recording. x0 is eliminated at its end.
@@ -43,12 +43,12 @@ NormalEquations normal_equations(const InnovationForm& model, const MatrixXd& y,
   const Index n = model.states(), m = model.inputs(), p = model.outputs();
   const Index of_B = n * m, of_D = p * m, size = of_B + of_D + n;
   NormalEquations sums{MatrixXd::Zero(size, size), VectorXd::Zero(size)};
-  MatrixXd J(kChunk * p, size);
-  VectorXd r(kChunk * p);
+  MatrixXd J(kRowsAtOnce * p, size);
+  VectorXd r(kRowsAtOnce * p);
   InputResponses responses(model, m);
   MatrixXd start = model.C;
-  for (Index from = 0; from < y.cols(); from += kChunk) {
-    const Index count = std::min(kChunk, y.cols() - from);
+  for (Index from = 0; from < y.cols(); from += kRowsAtOnce) {
+    const Index count = std::min(kRowsAtOnce, y.cols() - from);
     J.setZero();
     r.setZero();
     for (Index k = 0; k < count; ++k) {

@@ -23,7 +23,7 @@ using Eigen::VectorXd;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Poles of a simulation that has to stay finite, however long it runs.
-constexpr double kStable = 0.9999;
+constexpr double kLargestPole = 0.9999;
 
 double half_log_determinant(const MatrixXd& V) {
   const Eigen::LLT<MatrixXd> factor(V);
@@ -192,8 +192,8 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
   InnovationForm model = start.states.model(order);
   if (how == Refinement::prediction_error)
     model = refined(with_stable_predictor(model), recordings, start.sums);
-  const bool was_stable = spectral_radius(model.A) <= kStable;
-  if (stable) model = with_poles_within(std::move(model), kStable);
+  const bool was_stable = spectral_radius(model.A) <= kLargestPole;
+  if (stable) model = with_poles_within(std::move(model), kLargestPole);
   if (recordings.u.front().rows() > 0 &&
       (how == Refinement::simulation || (stable && !was_stable))) {
     // Rows of the work of a twentieth of a second: more would cost more than they tell.
