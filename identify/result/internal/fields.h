@@ -354,7 +354,8 @@ void describe(Fields& fields, BlackBox::ImpulseResponse& response) {
   fields("input", response.input, "name of the input");
   fields("output", response.output, "name of the output");
   fields("value", response.value, "from the same row on, SI");
-  fields("se", response.se, "standard errors");
+  fields("se", response.se,
+         "posterior standard deviations; where nothing is left of a response, the prior's");
 }
 
 template <class Fields>
