@@ -203,8 +203,8 @@ BlackBox description(const ModelSearch& search, const std::vector<BlackBoxCandid
 }
 
 // Poles, gains, delays and the operating point of the chosen model.
-void describe_model(const ModelSearch& search, const Dataset& first,
-                    const BlackBoxCandidate& chosen, BlackBox& out) {
+void add_characteristics(const ModelSearch& search, const Dataset& first,
+                         const BlackBoxCandidate& chosen, BlackBox& out) {
   const MatrixXd covariance = predictor_covariance(
       chosen.model, sums_around(chosen.model, search.all, search.of_all.sums.lags));
   out.poles = poles_with_errors(chosen.model, covariance, first.dt);
@@ -317,7 +317,7 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   estimate.model_name = channels.name;
   estimate.objective.method = "subspace";
   estimate.black_box = description(search, tried, chosen, options);
-  describe_model(search, recordings.front(), chosen, estimate.black_box);
+  add_characteristics(search, recordings.front(), chosen, estimate.black_box);
   const std::vector<Dataset> seen = deviations(recordings, search.all.point);
   report_filter(estimate, out.model, out.model.parameters, seen);
   if (search.has_inputs) simulate_all(search, chosen, recordings.front().outputs, estimate);
