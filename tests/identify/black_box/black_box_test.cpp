@@ -164,8 +164,14 @@ TEST(BlackBox, AnOperatingPointIsTakenOutWhereThereIsOne) {
 }
 
 TEST(BlackBox, TheModelFileIsTheModel) {
-  const BlackBoxResult result = found(recorded(Plant{}, 1500, 6));
+  BlackBoxResult result = found(recorded(Plant{}, 1500, 6));
+  result.model.inputs[0].column = "voltage";
+  result.model.inputs[0].scale = -2.0;
+  result.model.inputs[0].offset = 0.25;
+  result.model.inputs[0].delay = 0.3;
   const Model read = parse_model_file(model_text(result.model, {}), "model.yaml");
+  EXPECT_EQ(read.inputs[0].scale, -2.0);
+  EXPECT_EQ(read.inputs[0].delay, 0.3);
   EXPECT_LT((as_linear(read).A.constant - as_linear(result.model).A.constant).norm(), 1e-12);
   EXPECT_LT((as_linear(read).S.constant - as_linear(result.model).S.constant).norm(), 1e-12);
   EXPECT_EQ(read.inputs[0].offset, result.model.inputs[0].offset);

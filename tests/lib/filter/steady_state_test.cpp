@@ -48,6 +48,30 @@ TEST(DiscreteLyapunov, RefusesShapesThatDisagree) {
   EXPECT_THROW(solve_discrete_lyapunov(square, MatrixXd::Zero(2, 3)), std::invalid_argument);
 }
 
+// x(t+1) = A x + K e, y = C x + e: nothing is left to be estimated, and P is rounding.
+TEST(SteadyState, OfOneNoiseForStateAndOutputIsItsOwnGain) {
+  Random random(7);
+  int solved = 0;
+  for (int k = 0; k < 300; ++k) {
+    StateSpace model;
+    const Index n = 2 + k % 9, ny = 1 + k % 3;
+    model.A = random_matrix(random, n, n);
+    model.A *= 0.97 / model.A.eigenvalues().cwiseAbs().maxCoeff();
+    model.C = random_matrix(random, ny, n);
+    model.G = 0.2 * random_matrix(random, n, ny);
+    model.B = MatrixXd(n, 0);
+    model.D = MatrixXd(ny, 0);
+    const MatrixXd root = random_matrix(random, ny, ny);
+    model.Q = model.R = model.S = root * root.transpose() + 1e-4 * MatrixXd::Identity(ny, ny);
+    if ((model.A - model.G * model.C).eigenvalues().cwiseAbs().maxCoeff() > 0.95) continue;
+    const auto steady = steady_state(model);
+    ASSERT_TRUE(steady.has_value()) << k;
+    EXPECT_LT((steady->K - model.G).norm(), 1e-6 * (1.0 + model.G.norm())) << k;
+    ++solved;
+  }
+  EXPECT_GT(solved, 50);
+}
+
 TEST(SteadyState, SatisfiesTheRiccatiEquation) {
   StateSpace m;
   m.A = (MatrixXd(2, 2) << 1, 1, 0, 1).finished();  // integrators
