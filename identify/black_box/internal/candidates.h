@@ -59,8 +59,9 @@ void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recor
 /// Fills the fits of rows that were not seen, mean over outputs.
 void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out);
 
-/// Covariance of the one-step prediction errors, row by row, without the first `skip` rows of each recording; of
-/// long recordings whose predictor forgets within the lags of the sums, by these.
+/// Covariance of the one-step prediction errors, p x p, row by row behind as many first rows of each recording as the
+/// sums have lags; of the first 200 000 rows where there are more, or by the sums where the predictor forgets within
+/// their lags.
 Eigen::MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& recordings,
                                   const LaggedProducts& sums);
 
