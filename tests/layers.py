@@ -14,7 +14,7 @@ ORDER = {
     # lib/internal: what all rooms of lib share and nobody else sees.
     "lib": ["internal", "", "base", "data", "formula", "model", "filter", "nonlinear", "statistics", "subspace", "regression", "vehicle"],
     "solvers": [""],
-    "identify": ["estimate", "population", "model", "result", "survey", "regression", "filter", "report", "noise", "colour", "black_box", "vehicle", "handling",
+    "identify": ["estimate", "population", "model", "result", "survey", "regression", "shooting", "filter", "report", "noise", "colour", "black_box", "vehicle", "handling",
                  "simulation", "validation", "optimality"],
     "studies": [""],
     "jobs": [""],

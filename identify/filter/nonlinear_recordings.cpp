@@ -224,8 +224,8 @@ void NonlinearSteps::see(Index t, const VectorXd& x, MatrixXd& C, VectorXd& h, V
 
 void NonlinearSteps::move(Index t, VectorXd& x, MatrixXd& P) {
   const FormulaModel& formulas = as_formulas(model_);
-  const bool density =
-      formulas.equations.continuous && formulas.noise.noise == ProcessNoise::density;
+  const bool density = formulas.equations.continuous &&
+                       formulas.noise.noise == ProcessNoise::density && !noise_.Q.isZero(0.0);
   step(formulas.equations, memory_, nodes_, t, x, slopes_, Derivatives::first,
        density ? &gramians_ : nullptr);
   const Index n = x.size();

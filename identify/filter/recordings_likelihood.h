@@ -83,6 +83,7 @@ class RecordingsLikelihood {
   bool refine(const ParameterSet& at) { return nonlinear_ && nonlinear_->refine(at); }
 
   const Model& model() const { return model_; }
+  const std::vector<Dataset>& recordings() const { return recordings_; }  ///< of digests: none
   double samples() const;  ///< values measured
 
   /// How the evaluation at the model's own values ends.

@@ -165,7 +165,11 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   for (int i = 0; i < kRefinements && found.best.summary.usable() &&
                   likelihood.refine(with_coordinates(parameters, factors.to(found.best.x)));
        ++i) {
-    found = search();
+    if (found.shot) {
+      search_again(found, likelihood, factors, options);
+    } else {
+      found = search();
+    }
   }
   const VectorXd best = factors.to(found.best.x);
   ParameterSet end = with_coordinates(parameters, best);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <map>
 #include <utility>
 
@@ -278,6 +279,18 @@ void run_tape_part(const Tape& tape, double* s, std::size_t begin, std::size_t e
         break;
       case static_cast<int>(Op::negate):
         *result = -a;
+        break;
+      case static_cast<int>(Op::choose):
+        *result = a != 0.0 ? s[at->b] : s[at->c];
+        break;
+      case static_cast<int>(Op::greater_equal):
+        *result = a >= s[at->b] ? 1.0 : 0.0;
+        break;
+      case static_cast<int>(Op::less_equal):
+        *result = a <= s[at->b] ? 1.0 : 0.0;
+        break;
+      case static_cast<int>(Op::sqrt):
+        *result = std::sqrt(a);
         break;
       case kMultiplyAdd:
         *result = a * s[at->b] + s[at->c];

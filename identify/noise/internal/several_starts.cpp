@@ -15,6 +15,7 @@
 #include "identify/noise/internal/promising_starts.h"
 #include "identify/noise/internal/root_coordinates.h"
 #include "identify/noise/internal/scattered_start.h"
+#include "identify/noise/internal/shot_starts.h"
 #include "lib/base/random.h"
 #include "solvers/parallel.h"
 #include "solvers/trust_region.h"
@@ -309,6 +310,28 @@ const Solution& best_of(const std::vector<Search>& all) {
   return all[best].solution;
 }
 
+// The ends by place become those by start; a place that is far from the best was not searched from.
+void count_shots(const ShotStarts& shot, SeveralStarts& out) {
+  std::vector<SearchEnd> ends;
+  std::vector<double> log_likelihood;
+  for (std::size_t s = 0; s < shot.place_of_start.size(); ++s) {
+    const int place = shot.place_of_start[s];
+    if (place >= 0) {
+      ends.push_back(out.ends[static_cast<std::size_t>(place)]);
+      log_likelihood.push_back(out.log_likelihood[static_cast<std::size_t>(place)]);
+    } else {
+      ends.push_back(shot.converged[s] ? SearchEnd::maximum : SearchEnd::short_of);
+      log_likelihood.push_back(out.best.summary.objective - shot.behind[s]);
+    }
+  }
+  out.ends = std::move(ends);
+  out.log_likelihood = std::move(log_likelihood);
+  out.iterations += shot.iterations;
+  out.evaluations += shot.evaluations;
+  out.by_path = shot.by_path;
+  out.stages = static_cast<int>(shot.stages);
+}
+
 }  // namespace
 
 int SeveralStarts::count(SearchEnd end) const {
@@ -320,15 +343,19 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
   const LikelihoodProblem by_entries = likelihood.problem();
   const LikelihoodProblem problem = factors.problem(by_entries);
   const int most = options.starts > 0 ? options.starts : kDoubted;
+  const std::optional<ShotStarts> shot =
+      shot_starts(likelihood, parameters, factors, most, options);
   Searches searches(likelihood.model(), factors, options,
-                    places_to_start(parameters, factors, most, options.seed), likelihood.samples());
+                    shot ? shot->places : places_to_start(parameters, factors, most, options.seed),
+                    likelihood.samples());
   std::vector<Search> all;
   all.push_back(searches.run(problem, 0, std::nullopt));
   const bool alone =
       options.starts == 0 && !is_doubted(likelihood.model(), problem, all[0].solution);
   SeveralStarts out;
   // Where roots must stay outside the unit circle, a better maximum is a better place to look around.
-  for (int round = 0; round < kSearchRounds && !alone && most > 1 && !searches.stopped(); ++round) {
+  for (int round = 0; round < kSearchRounds && !alone && !searches.stopped(); ++round) {
+    if (searches.size() == 1 && !searches.look_around()) break;
     const std::size_t before = all.size();
     const Solution from = best_of(all);
     out.evaluations += searches.choose_others(problem, from.x, round);
@@ -371,12 +398,35 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
       out.ends.push_back(maximum ? SearchEnd::maximum : SearchEnd::short_of);
     }
   }
+  if (shot && defined.size() == all.size()) count_shots(*shot, out);
+  if (shot) {
+    out.shot = true;
+    double at_start = std::numeric_limits<double>::quiet_NaN();
+    problem.evaluate(factors.from(coordinates(parameters)), at_start, nullptr, nullptr);
+    out.start_value = at_start;
+  }
   // Whatever an earlier start found, the search was not finished.
   if (searches.stopped()) {
     out.best.summary.termination = Termination::stopped;
     out.best.summary.message = "stopped by the caller";
   }
   return out;
+}
+
+void search_again(SeveralStarts& found, RecordingsLikelihood& likelihood,
+                  const FactorCoordinates& factors, const NoiseMlOptions& options) {
+  const LikelihoodProblem by_entries = likelihood.problem();
+  const LikelihoodProblem problem = factors.problem(by_entries);
+  Searches searches(likelihood.model(), factors, options, {found.best.x}, likelihood.samples());
+  const Search again = searches.run(problem, 0, std::nullopt);
+  const double gain = again.solution.summary.objective - found.best.summary.objective;
+  found.iterations += again.solution.summary.iterations;
+  found.evaluations += again.solution.summary.evaluations;
+  found.best = again.solution;
+  for (double& L : found.log_likelihood) L += gain;
+  if (!searches.stopped()) return;
+  found.best.summary.termination = Termination::stopped;
+  found.best.summary.message = "stopped by the caller";
 }
 
 Findings check_starts(const SeveralStarts& found) {

@@ -23,6 +23,9 @@ struct SeveralStarts {
   std::vector<RootsOnCircle> on_circle;  ///< at the best
   double start_value = std::numeric_limits<double>::quiet_NaN();
   int iterations = 0, evaluations = 0;
+  /// Starts that multiple shooting has led to the best (shot_starts.h), and the stages of its path.
+  int by_path = 0, stages = 0;
+  bool shot = false;  ///< places to begin at were looked for on integration of its own
   /// Of each start, but for scattered ones where the likelihood is undefined:
   std::vector<SearchEnd> ends;
   std::vector<double> log_likelihood;
@@ -37,6 +40,11 @@ struct SeveralStarts {
 /// @param factors  of the named covariances; options.threads searches run at a time
 SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const ParameterSet& parameters,
                                  const FactorCoordinates& factors, const NoiseMlOptions& options);
+
+/// The best again, from where it has ended, of a likelihood that has changed since by what its
+/// integration makes finer. The others stay as far behind.
+void search_again(SeveralStarts& found, RecordingsLikelihood& likelihood,
+                  const FactorCoordinates& factors, const NoiseMlOptions& options);
 
 /// Where the starts ended, if not all at the best. Where a search stopped short says nothing of
 /// other maxima, however often it does.

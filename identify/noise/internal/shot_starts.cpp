@@ -1,0 +1,83 @@
+#include "identify/noise/internal/shot_starts.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "identify/model/parameter_prior.h"
+#include "identify/noise/internal/scattered_start.h"
+#include "identify/shooting/shooting.h"
+#include "lib/base/constants.h"
+#include "lib/base/random.h"
+
+namespace identikal {
+namespace {
+
+constexpr int kCandidates = 30;  // of each start but the first
+constexpr double kFarBehind = 10.0;  // log-likelihood: from there no search comes to the best
+
+// The file's values; and of every other start, places scattered about them.
+std::vector<std::vector<ParameterSet>> candidates_about(const ParameterSet& parameters, int starts,
+                                                        std::uint64_t seed) {
+  Random random(seed);
+  std::vector<std::vector<ParameterSet>> out = {{parameters}};
+  for (int s = 1; s < starts; ++s) {
+    out.emplace_back();
+    for (int k = 0; k < kCandidates; ++k) {
+      out.back().push_back(scattered_start(parameters, random));
+    }
+  }
+  return out;
+}
+
+std::size_t lowest(const std::vector<ShootingEnd>& ends) {
+  const auto less = [](const auto& a, const auto& b) { return a.loss < b.loss; };
+  return static_cast<std::size_t>(std::min_element(ends.begin(), ends.end(), less) - ends.begin());
+}
+
+}  // namespace
+
+std::optional<ShotStarts> shot_starts(const RecordingsLikelihood& likelihood,
+                                      const ParameterSet& parameters,
+                                      const FactorCoordinates& factors, int starts,
+                                      const NoiseMlOptions& options) {
+  const Model& model = likelihood.model();
+  if (!can_be_shot(model, likelihood.recordings())) return std::nullopt;
+  if (!names_with_priors(parameters).empty()) return std::nullopt;
+  ShotStarts out;
+  ShootingOptions shooting;
+  shooting.threads = options.threads;
+  const double values = likelihood.samples();
+  shooting.progress = [&](int start, int iterations, double loss) {
+    const double L = -loss - 0.5 * values * (1.0 + kLogTwoPi);
+    out.stopped = options.progress && !options.progress(start + 1, iterations, L);
+    return !out.stopped;
+  };
+  const std::vector<ShootingEnd> ends =
+      shoot(model, likelihood.recordings(), candidates_about(parameters, starts, options.seed),
+            shooting);
+  const std::size_t best = lowest(ends);
+  if (!std::isfinite(ends[best].loss)) return std::nullopt;
+  const auto add_place = [&](std::size_t i) {
+    out.places.push_back(factors.from(coordinates(ends[i].parameters)));
+    return static_cast<int>(out.places.size()) - 1;
+  };
+  const int best_same = ends[best].same_as;
+  std::vector<int> place(ends.size(), -1);  // by the first start that has led there
+  place[static_cast<std::size_t>(best_same)] = add_place(best);
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    const ShootingEnd& end = ends[i];
+    int& there = place[static_cast<std::size_t>(end.same_as)];
+    const bool leads = end.same_as == static_cast<int>(i);
+    if (there < 0 && leads && end.loss - ends[best].loss < kFarBehind) there = add_place(i);
+    out.place_of_start.push_back(there);
+    out.behind.push_back(end.loss - ends[best].loss);
+    out.converged.push_back(end.converged);
+    out.iterations += end.iterations;
+    out.evaluations += end.evaluations;
+    if (end.same_as != best_same || end.stages.empty()) continue;
+    if (out.by_path++ == 0) out.stages = end.stages.size();
+  }
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,389 @@
+#include "identify/shooting/internal/trajectory_problem.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "lib/base/nearest_turn.h"
+#include "lib/nonlinear/filter.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kMostDoublings = 6;   // of the steps between two samples
+constexpr int kJumpDoublings = 3;
+constexpr double kJump = 1e-2;       // of a state's scale
+constexpr double kControlled = 1e-5; // tolerance of implicit steps
+
+VectorXd formula_values(const NonlinearModel& equations, const ParameterSet& at) {
+  VectorXd out(equations.parameters);
+  for (Index i = 0; i < out.size(); ++i) out[i] = at[static_cast<std::size_t>(i)].scalar();
+  return out;
+}
+
+InputNodes nodes_with(const FormulaModel& model, const Dataset& recording,
+                      const std::vector<int>& steps) {
+  return input_nodes(recording.time, recording.u, model.inputs, steps);
+}
+
+std::vector<int> same_steps(const Dataset& recording, int steps) {
+  return std::vector<int>(static_cast<std::size_t>(recording.size() - 1), steps);
+}
+
+}  // namespace
+
+TrajectoryProblem::TrajectoryProblem(const Model& model, const std::vector<Dataset>& recordings)
+    : model_(model),
+      recordings_(recordings),
+      at_(model.parameters),
+      memory_(make_memory(as_formulas(model).equations)) {
+  const std::vector<EntryDerivative> entries = entry_derivatives(at_);
+  const std::vector<StateSpace> by = model_derivatives(as_formulas(model).noise, at_);
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const auto parameter = static_cast<std::size_t>(entries[i].parameter);
+    const std::vector<Index>& columns = equations().column;
+    const Index column = parameter < columns.size() ? columns[parameter] : -1;
+    if (column < 0 && by[i].x0.isZero(0.0)) continue;
+    unknowns_.push_back(static_cast<Index>(i));
+    column_.push_back(column);
+  }
+  for (const Dataset& recording : recordings) {
+    first_.push_back(samples_);
+    samples_ += recording.size();
+    nodes_.push_back(nodes_with(as_formulas(model), recording, same_steps(recording, 1)));
+  }
+  output_sd = VectorXd::Ones(equations().outputs);
+  step_sd = VectorXd::Ones(equations().states);
+  moved_.resize(equations().states);
+  predicted_.resize(equations().outputs);
+}
+
+VectorXd TrajectoryProblem::values_in(const ParameterSet& parameters) const {
+  return coordinates(parameters)(unknowns_);
+}
+
+ParameterSet TrajectoryProblem::with_values(const ParameterSet& parameters,
+                                            const VectorXd& p) const {
+  VectorXd all = coordinates(parameters);
+  all(unknowns_) = p;
+  return with_coordinates(parameters, all);
+}
+
+void TrajectoryProblem::set_parameters_to(const VectorXd& p) {
+  at_ = with_values(at_, p);
+  set_parameters(equations(), memory_, formula_values(equations(), at_));
+  const LinearModel& start = as_formulas(model_).noise;
+  x0_ = written_matrices(start, at_).x0;
+  const std::vector<StateSpace> by = model_derivatives(start, at_);
+  x0_by_unknowns_.resize(x0_.size(), static_cast<Index>(unknowns_.size()));
+  for (std::size_t i = 0; i < unknowns_.size(); ++i) {
+    x0_by_unknowns_.col(static_cast<Index>(i)) = by[static_cast<std::size_t>(unknowns_[i])].x0;
+  }
+}
+
+// Steps from each sample to the next: doubled until that changes nothing.
+// @return empty where they do not follow the motion at all
+std::vector<int> TrajectoryProblem::explicit_steps(std::size_t recording, const MatrixXd& states,
+                                                   const VectorXd& scale, double tolerance) {
+  const FormulaModel& model = as_formulas(model_);
+  const Dataset& data = recordings_[recording];
+  const auto intervals = static_cast<std::size_t>(data.size() - 1);
+  std::vector<int> steps(intervals, 0);
+  std::vector<double> at_few(intervals, 0.0);  // change by the last of a few doublings
+  MatrixXd ends(states.rows(), data.size() - 1);
+  VectorXd before(states.rows());
+  for (int doubling = 0; doubling <= kMostDoublings; ++doubling) {
+    const InputNodes nodes = nodes_with(model, data, same_steps(data, 1 << doubling));
+    bool all = true;
+    for (std::size_t k = 0; k < intervals; ++k) {
+      if (steps[k] > 0) continue;
+      const auto column = static_cast<Index>(k);
+      moved_ = states.col(first_[recording] + column);
+      before = ends.col(column);
+      step(equations(), memory_, nodes, column, moved_);
+      ends.col(column) = moved_;
+      const double change = ((moved_ - before).array().abs() / scale.array()).maxCoeff();
+      if (doubling == kJumpDoublings) at_few[k] = change;
+      if (doubling > 0 && change <= tolerance) steps[k] = 1 << (doubling - 1);
+      all = all && steps[k] > 0;
+    }
+    if (all) return steps;
+  }
+  // The error at a jump of the rates falls slowly, and is small with a few steps already.
+  for (std::size_t k = 0; k < intervals; ++k) {
+    if (steps[k] > 0) continue;
+    if (!(at_few[k] <= kJump)) return {};
+    steps[k] = 1 << kJumpDoublings;
+  }
+  return steps;
+}
+
+void TrajectoryProblem::choose_steps(const VectorXd& p, const MatrixXd& states,
+                                     const VectorXd& scale, double tolerance) {
+  if (!equations().continuous) return;
+  set_parameters_to(p);
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    const std::vector<int> steps = explicit_steps(r, states, scale, tolerance);
+    const Dataset& data = recordings_[r];
+    const InputPath path = as_formulas(model_).inputs;
+    nodes_[r] = steps.empty() ? controlled_nodes(data.time, data.u, path, kControlled)
+                              : nodes_with(as_formulas(model_), data, steps);
+  }
+}
+
+MatrixXd TrajectoryProblem::states_at_start(const VectorXd& p) {
+  set_parameters_to(p);
+  return x0_.replicate(1, samples_);
+}
+
+bool TrajectoryProblem::moves_states() {
+  constexpr Index kLooked = 10;
+  set_parameters_to(values_in(model_.parameters));
+  if (unknowns_.empty()) return false;
+  if (!x0_by_unknowns_.isZero(0.0)) return true;
+  moved_ = x0_;
+  for (Index k = 0; k + 1 < std::min(kLooked, recordings_[0].size()); ++k) {
+    step(equations(), memory_, nodes_[0], k, moved_, motion_);
+    if (!motion_.wrt_p.isZero(0.0)) return true;
+  }
+  return false;
+}
+
+MatrixXd TrajectoryProblem::filtered_states(const VectorXd& p, const VectorXd& scale) {
+  set_parameters_to(p);
+  const FormulaModel& model = as_formulas(model_);
+  FilterNoise noise = zero_noise(equations());
+  noise.Q = step_sd.array().square().matrix().asDiagonal();
+  noise.R = output_sd.array().square().matrix().asDiagonal();
+  noise.P0 = scale.array().square().matrix().asDiagonal();
+  noise.x0 = x0_;
+  NonlinearFilterOptions options;
+  options.wraps = model.wraps;
+  MatrixXd out = x0_.replicate(1, samples_);
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    const FilterResult filter =
+        nonlinear_filter(equations(), formula_values(equations(), at_), noise, nodes_[r],
+                         recordings_[r].y, options);
+    VectorXd last = x0_;
+    for (Index k = 0; k < recordings_[r].size(); ++k) {
+      const bool seen = k < filter.x_filt.cols() && filter.x_filt.col(k).allFinite();
+      if (seen) last = filter.x_filt.col(k);
+      out.col(first_[r] + k) = last;
+    }
+  }
+  return out;
+}
+
+bool TrajectoryProblem::simulate(const VectorXd& p, MatrixXd& states) {
+  set_parameters_to(p);
+  states.resize(equations().states, samples_);
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    moved_ = x0_;
+    for (Index k = 0; k < recordings_[r].size(); ++k) {
+      if (!moved_.allFinite()) return false;
+      states.col(first_[r] + k) = moved_;
+      if (k + 1 < recordings_[r].size()) step(equations(), memory_, nodes_[r], k, moved_);
+    }
+  }
+  return true;
+}
+
+void TrajectoryProblem::output_errors(const VectorXd& p, const MatrixXd& states, VectorXd& squares,
+                                      VectorXd& counts) {
+  set_parameters_to(p);
+  squares = counts = VectorXd::Zero(equations().outputs);
+  const std::vector<bool>& wraps = as_formulas(model_).wraps;
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    const Dataset& data = recordings_[r];
+    for (Index k = 0; k < data.size(); ++k) {
+      observe(equations(), memory_, states.col(first_[r] + k), nodes_[r].at_sample.col(k),
+              nodes_[r].time[k], predicted_);
+      for (Index i = 0; i < squares.size(); ++i) {
+        if (std::isnan(data.y(i, k))) continue;
+        double e = data.y(i, k) - predicted_[i];
+        if (!wraps.empty() && wraps[static_cast<std::size_t>(i)]) e = nearest_turn(e);
+        squares[i] += e * e;
+        counts[i] += 1.0;
+      }
+    }
+  }
+}
+
+bool TrajectoryProblem::write_link(std::size_t recording, Index sample, const MatrixXd& states,
+                                   bool with_derivatives, ChainLink& link) {
+  const Dataset& data = recordings_[recording];
+  const InputNodes& nodes = nodes_[recording];
+  const Index nx = equations().states, ny = equations().outputs;
+  const Index np = static_cast<Index>(unknowns_.size()), at = first_[recording] + sample;
+  const bool is_first = sample == 0, is_last = sample + 1 == data.size();
+  const auto measured = (data.y.col(sample).array() == data.y.col(sample).array()).count();
+  const Index rows = measured + (is_first ? nx : 0) + (is_last ? 0 : nx);
+  link.residuals.resize(rows);
+  if (with_derivatives) {
+    link.by_state.setZero(rows, nx);
+    link.by_next_state.setZero(rows, nx);
+    link.by_shared.setZero(rows, np);
+  }
+  const auto copy_columns = [&](const MatrixXd& from, Index of, Index row, double factor) {
+    for (std::size_t j = 0; j < column_.size(); ++j) {
+      if (column_[j] >= 0) link.by_shared(row, static_cast<Index>(j)) = factor * from(of, column_[j]);
+    }
+  };
+  if (with_derivatives) {
+    observe(equations(), memory_, states.col(at), nodes.at_sample.col(sample), nodes.time[sample],
+            predicted_, output_);
+  } else {
+    observe(equations(), memory_, states.col(at), nodes.at_sample.col(sample), nodes.time[sample],
+            predicted_);
+  }
+  const std::vector<bool>& wraps = as_formulas(model_).wraps;
+  Index row = 0;
+  for (Index i = 0; i < ny; ++i) {
+    if (std::isnan(data.y(i, sample))) continue;
+    double e = data.y(i, sample) - predicted_[i];
+    if (!wraps.empty() && wraps[static_cast<std::size_t>(i)]) e = nearest_turn(e);
+    const double scale = data.noise_scale.size() > 0 ? data.noise_scale(i, sample) : 1.0;
+    const double weight = 1.0 / (scale * output_sd[i]);
+    link.residuals[row] = weight * e;
+    if (with_derivatives) {
+      link.by_state.row(row) = -weight * output_.wrt_x.row(i);
+      copy_columns(output_.wrt_p, i, row, -weight);
+    }
+    ++row;
+  }
+  if (is_first) {
+    for (Index i = 0; i < nx; ++i, ++row) {
+      link.residuals[row] = (x0_[i] - states(i, at)) / step_sd[i];
+      if (!with_derivatives) continue;
+      link.by_state(row, i) = -1.0 / step_sd[i];
+      link.by_shared.row(row) = x0_by_unknowns_.row(i) / step_sd[i];
+    }
+  }
+  if (!is_last) {
+    moved_ = states.col(at);
+    if (with_derivatives) {
+      step(equations(), memory_, nodes, sample, moved_, motion_);
+    } else {
+      step(equations(), memory_, nodes, sample, moved_);
+    }
+    const double average = (data.time[data.size() - 1] - data.time[0]) / double(data.size() - 1);
+    const double longer = std::sqrt((data.time[sample + 1] - data.time[sample]) / average);
+    for (Index i = 0; i < nx; ++i, ++row) {
+      const double weight = 1.0 / (step_sd[i] * longer);
+      link.residuals[row] = weight * (moved_[i] - states(i, at + 1));
+      if (!with_derivatives) continue;
+      link.by_state.row(row) = weight * motion_.wrt_x.row(i);
+      link.by_next_state(row, i) = -weight;
+      copy_columns(motion_.wrt_p, i, row, weight);
+    }
+  }
+  return link.residuals.allFinite() &&
+         (!with_derivatives || (link.by_state.allFinite() && link.by_shared.allFinite()));
+}
+
+bool TrajectoryProblem::write_links(const MatrixXd& states, const VectorXd& p,
+                                    bool with_derivatives, std::vector<ChainLink>& links) {
+  set_parameters_to(p);
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    for (Index k = 0; k < recordings_[r].size(); ++k) {
+      ChainLink& link = links[static_cast<std::size_t>(first_[r] + k)];
+      if (!write_link(r, k, states, with_derivatives, link)) return false;
+    }
+  }
+  return true;
+}
+
+bool TrajectoryProblem::write_simulation(const VectorXd& p, bool with_derivatives,
+                                         std::vector<ChainLink>& links) {
+  set_parameters_to(p);
+  const Index nx = equations().states, np = static_cast<Index>(unknowns_.size());
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    const Dataset& data = recordings_[r];
+    const Index rows = (data.y.array() == data.y.array()).count();
+    ChainLink& link = links[r];
+    link.residuals.resize(rows);
+    if (with_derivatives) link.by_shared.resize(rows, np);
+    link.by_state.resize(rows, 0);
+    link.by_next_state.resize(rows, 0);
+    VectorXd x = x0_;
+    MatrixXd by = x0_by_unknowns_;
+    ChainLink one;
+    Index row = 0;
+    MatrixXd state_column(nx, 1);
+    for (Index k = 0; k < data.size(); ++k) {
+      if (!x.allFinite()) return false;
+      row = write_outputs(r, k, x, with_derivatives, by, row, link);
+      if (k + 1 == data.size()) break;
+      if (with_derivatives) {
+        step(equations(), memory_, nodes_[r], k, x, motion_);
+        by = (motion_.wrt_x * by).eval();
+        for (Index j = 0; j < np; ++j) {
+          if (column_[static_cast<std::size_t>(j)] >= 0) by.col(j) += motion_.wrt_p.col(column_[static_cast<std::size_t>(j)]);
+        }
+      } else {
+        step(equations(), memory_, nodes_[r], k, x);
+      }
+    }
+    if (!link.residuals.allFinite() || (with_derivatives && !link.by_shared.allFinite())) return false;
+  }
+  return true;
+}
+
+Index TrajectoryProblem::write_outputs(std::size_t recording, Index sample, const VectorXd& x, bool with_derivatives, const MatrixXd& by, Index row, ChainLink& link) {
+  const Dataset& data = recordings_[recording];
+  const InputNodes& nodes = nodes_[recording];
+  if (with_derivatives) {
+    observe(equations(), memory_, x, nodes.at_sample.col(sample), nodes.time[sample], predicted_, output_);
+  } else {
+    observe(equations(), memory_, x, nodes.at_sample.col(sample), nodes.time[sample], predicted_);
+  }
+  const std::vector<bool>& wraps = as_formulas(model_).wraps;
+  for (Index i = 0; i < data.y.rows(); ++i) {
+    if (std::isnan(data.y(i, sample))) continue;
+    double e = data.y(i, sample) - predicted_[i];
+    if (!wraps.empty() && wraps[static_cast<std::size_t>(i)]) e = nearest_turn(e);
+    const double scale = data.noise_scale.size() > 0 ? data.noise_scale(i, sample) : 1.0;
+    const double weight = 1.0 / (scale * output_sd[i]);
+    link.residuals[row] = weight * e;
+    if (with_derivatives) {
+      link.by_shared.row(row) = -weight * output_.wrt_x.row(i) * by;
+      for (std::size_t j = 0; j < column_.size(); ++j) {
+        if (column_[j] >= 0) link.by_shared(row, static_cast<Index>(j)) -= weight * output_.wrt_p(i, column_[j]);
+      }
+    }
+    ++row;
+  }
+  return row;
+}
+
+ChainedLeastSquares TrajectoryProblem::simulation_problem() {
+  ChainedLeastSquares out = problem();
+  out.links = static_cast<Index>(recordings_.size());
+  out.state = 0;
+  out.evaluate = [this](const MatrixXd&, const VectorXd& p, bool with_derivatives,
+                        std::vector<ChainLink>& links) {
+    return write_simulation(p, with_derivatives, links);
+  };
+  return out;
+}
+
+ChainedLeastSquares TrajectoryProblem::problem() {
+  ChainedLeastSquares out;
+  out.links = samples_;
+  out.state = equations().states;
+  out.shared = static_cast<Index>(unknowns_.size());
+  out.evaluate = [this](const MatrixXd& states, const VectorXd& p, bool with_derivatives,
+                        std::vector<ChainLink>& links) {
+    return write_links(states, p, with_derivatives, links);
+  };
+  const Box box = coordinate_box(model_.parameters);
+  out.lower = box.lower(unknowns_);
+  out.upper = box.upper(unknowns_);
+  return out;
+}
+
+}  // namespace identikal

@@ -1,0 +1,149 @@
+#include "identify/shooting/shooting.h"
+
+#include <algorithm>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+
+#include "identify/shooting/internal/attempt.h"
+#include "solvers/parallel.h"
+
+namespace identikal {
+namespace {
+
+constexpr double kAgreement = 0.8;  // of the starts: as many make no other path necessary
+constexpr double kFar = 2.0;        // errors this many times the best's are of another place
+
+using Attempts = std::vector<std::unique_ptr<Attempt>>;
+
+// Per attempt the first one that has led to the same place, or itself.
+std::vector<int> same_places(const Attempts& attempts) {
+  std::vector<int> out;
+  for (std::size_t i = 0; i < attempts.size(); ++i) {
+    int same = static_cast<int>(i);
+    for (std::size_t j = 0; j < i && same == static_cast<int>(i); ++j) {
+      const bool leads = out[j] == static_cast<int>(j);
+      if (leads && attempts[i]->meets(*attempts[j])) same = static_cast<int>(j);
+    }
+    out.push_back(same);
+  }
+  return out;
+}
+
+std::size_t lowest(const Attempts& attempts) {
+  const auto less = [](const auto& a, const auto& b) { return a->loss() < b->loss(); };
+  return static_cast<std::size_t>(std::min_element(attempts.begin(), attempts.end(), less) -
+                                  attempts.begin());
+}
+
+// Several starts at a time, until told to stop.
+class SeveralAttempts {
+ public:
+  SeveralAttempts(const Model& model, const std::vector<Dataset>& recordings,
+                  const std::vector<std::vector<ParameterSet>>& candidates,
+                  const ShootingOptions& options)
+      : options_(options), attempts_(candidates.size()) {
+    for_each([&](std::unique_ptr<Attempt>& attempt, int i) {
+      const std::vector<ParameterSet>& from = candidates[static_cast<std::size_t>(i)];
+      attempt = std::make_unique<Attempt>(model, recordings, from);
+      if (go_on(i)) attempt->search_from_candidates();
+    });
+    refine_lowest();
+  }
+
+  // The path for all that are not at the best place, where too few are.
+  void follow_paths() {
+    const std::vector<int> same = same_places(attempts_);
+    const int best = same[lowest(attempts_)];
+    const auto agree = static_cast<double>(std::count(same.begin(), same.end(), best));
+    const bool alone = attempts_.size() == 1;
+    if (agree >= kAgreement * static_cast<double>(attempts_.size()) && !alone) return;
+    for_each([&](std::unique_ptr<Attempt>& attempt, int i) {
+      if (same[static_cast<std::size_t>(i)] == best && !alone) return;
+      attempt->begin_path();
+      while (go_on(i) && attempt->next_stage()) {
+      }
+      if (go_on(i)) attempt->search_from_path();
+    });
+    refine_lowest();
+  }
+
+  const Attempts& all() const { return attempts_; }
+
+ private:
+  template <typename Task>
+  void for_each(const Task& task) {
+    in_parallel(static_cast<int>(attempts_.size()), options_.threads,
+                [&](int i) { task(attempts_[static_cast<std::size_t>(i)], i); });
+  }
+
+  bool go_on(int start) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const Attempt& attempt = *attempts_[static_cast<std::size_t>(start)];
+    stopped_ = stopped_ ||
+               (options_.progress && !options_.progress(start, attempt.iterations(), attempt.loss()));
+    return !stopped_;
+  }
+
+  // Those that may be at the best place; of those that are together, one.
+  void refine_lowest() {
+    const std::size_t at = lowest(attempts_);
+    if (!go_on(static_cast<int>(at))) return;
+    attempts_[at]->refine();
+    const Attempt& best = *attempts_[at];
+    for_each([&](std::unique_ptr<Attempt>& attempt, int i) {
+      const bool may_be_best = attempt->worse_than(best.loss()) < kFar && !attempt->meets(best);
+      if (may_be_best && go_on(i)) attempt->refine();
+    });
+  }
+
+  const ShootingOptions& options_;
+  Attempts attempts_;
+  std::mutex mutex_;
+  bool stopped_ = false;
+};
+
+bool has_no_noise_but_of_outputs(const StateSpace& matrices) {
+  return matrices.Q.isZero(0.0) && matrices.P0.isZero(0.0) && matrices.R.isDiagonal(0.0);
+}
+
+}  // namespace
+
+bool can_be_shot(const Model& model, const std::vector<Dataset>& recordings) {
+  if (!is_formula_model(model) || as_formulas(model).linear) return false;
+  const LinearModel& noise = as_formulas(model).noise;
+  if (noise.initial != InitialState::given || as_formulas(model).equations.states == 0) {
+    return false;
+  }
+  const std::vector<StateSpace> by = model_derivatives(noise, model.parameters);
+  if (!has_no_noise_but_of_outputs(written_matrices(noise, model.parameters)) ||
+      !std::all_of(by.begin(), by.end(), has_no_noise_but_of_outputs)) {
+    return false;
+  }
+  const bool own_starts = std::any_of(recordings.begin(), recordings.end(), [](const Dataset& data) {
+    return data.start_mean.size() > 0;
+  });
+  return !own_starts && !recordings.empty() && TrajectoryProblem(model, recordings).moves_states();
+}
+
+std::vector<ShootingEnd> shoot(const Model& model, const std::vector<Dataset>& recordings,
+                               const std::vector<std::vector<ParameterSet>>& candidates,
+                               const ShootingOptions& options) {
+  if (!can_be_shot(model, recordings) ||
+      std::any_of(candidates.begin(), candidates.end(), [](const auto& c) { return c.empty(); })) {
+    throw std::invalid_argument(
+        "shooting: expected formulas without process noise, recordings, and candidates");
+  }
+  if (candidates.empty()) return {};
+  SeveralAttempts attempts(model, recordings, candidates, options);
+  attempts.follow_paths();
+  const std::vector<int> same = same_places(attempts.all());
+  std::vector<ShootingEnd> out;
+  for (std::size_t i = 0; i < same.size(); ++i) {
+    out.push_back(attempts.all()[i]->end());
+    out.back().same_as = same[i];
+  }
+  return out;
+}
+
+}  // namespace identikal
