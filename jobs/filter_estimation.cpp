@@ -6,6 +6,8 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/pictures.h"
 #include "identify/filter/recordings_check.h"
+#include "identify/estimate/parameter_table.h"
+#include "identify/model/simulation_model.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -44,7 +46,7 @@ NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
 
 Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& options,
                         const std::string& held_out, bool reject_outliers,
-                        const FilterEstimator& estimator) {
+                        const FilterEstimator& estimator, const ModelPreparation& prepare) {
   Recordings recordings = load_recordings(options, model, run.verb, run.call.inputs);
   take_period(model, recordings.data.front());
   const std::vector<HeldOut> held =
@@ -53,11 +55,21 @@ Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& opt
     check_inputs({each.recording});
     check_period(model, recordings.data.front(), each.recording);
   }
+  const Model written = model;
+  if (prepare) model = prepare(model, recordings.data);
   const auto estimated = [&](const std::vector<Dataset>& data) { return estimator(model, data); };
   const auto estimate = std::make_shared<NoiseEstimate>(
       reject_outliers ? tune_robust(model, recordings.data, estimated)
                       : estimated(recordings.data));
-  if (!held.empty()) validate_on(held, model, recordings, *estimate);
+  const bool simulation = estimate->objective.method == kSimulationMethod;
+  if (simulation) {
+    const ParameterSet end = parameters_of(*estimate, model.parameters);
+    recordings.data = with_starts(model, end, std::move(recordings.data));
+  }
+  if (!held.empty()) {
+    // Of what is held out nobody knows the start.
+    validate_on(held, simulation ? without_process_noise(written) : model, recordings, *estimate);
+  }
   if (run.wants_pictures()) picture_filter(model, recordings.data, *estimate);
   return finish(run, recordings, kept(estimate));
 }

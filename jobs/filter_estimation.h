@@ -13,6 +13,10 @@ namespace identikal {
 /// Of the search for the greatest likelihood. It refers to the run.
 NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run);
 
+/// What a verb makes of the model once the recordings are there.
+using ModelPreparation =
+    std::function<Model(const Model& model, const std::vector<Dataset>& recordings)>;
+
 using FilterEstimator =
     std::function<NoiseEstimate(const Model& model, const std::vector<Dataset>& recordings)>;
 
@@ -20,6 +24,6 @@ using FilterEstimator =
 /// @param reject_outliers  samples that are outliers are found and left out
 Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& options,
                         const std::string& held_out, bool reject_outliers,
-                        const FilterEstimator& estimator);
+                        const FilterEstimator& estimator, const ModelPreparation& prepare = {});
 
 }  // namespace identikal

@@ -6,6 +6,8 @@
 #include "jobs/filter_estimation.h"
 #include "jobs/quantity.h"
 #include "jobs/verbs.h"
+
+#include "identify/model/simulation_model.h"
 #include <fmt/format.h>
 
 #include "lib/base/error.h"
@@ -20,6 +22,7 @@ struct FitOptions {
   SearchOptions search;
   std::string method;  // of a vehicle; empty: output-error
   std::string structure;
+  std::string objective;  // of formulas; empty: one-step
   bool robust = false, reject_outliers = false;
   std::int64_t bootstrap = 0;
 };
@@ -80,16 +83,30 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
            "--robust of a filter is called --reject-outliers now; the next version will not know "
            "the old name");
   }
+  const bool simulation = given.objective == "simulation";
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
-    return tune_ml(of, recordings, likelihood_options(given.search, run));
+    NoiseMlOptions options = likelihood_options(given.search, run);
+    if (simulation) options.objective = FitObjective::simulation;
+    return tune_ml(of, recordings, options);
   };
   return estimate_filter(run, std::move(model), given.recordings, given.search.hold_out,
-                         given.reject_outliers || given.robust, estimator);
+                         given.reject_outliers || given.robust, estimator,
+                         simulation ? simulation_model : ModelPreparation());
 }
 
 Outcome fit(const FitOptions& options, Call& call) {
   const Run run{"fit", call, options.model.file, {}, options.result};
-  Model model = load_model(options.model, run.verb, call.inputs);
+  const bool simulation = options.objective == "simulation";
+  Model model = load_model(options.model, run.verb, call.inputs,
+                           simulation ? FormulaReading::as_written : FormulaReading::linear);
+  if (!options.objective.empty() && is_vehicle(model)) {
+    throw InputError({model.source, 0, 0}, "--objective does not apply to a vehicle",
+                     "--method output-error: a simulation; prediction-error: one step ahead");
+  }
+  if (simulation && (options.reject_outliers || options.robust)) {
+    throw InputError({model.source, 0, 0}, "--reject-outliers with --objective simulation",
+                     "one of the two", "errors of a simulation are not white, and look like outliers");
+  }
   return is_vehicle(model) ? fit_a_vehicle(options, run, model)
                            : fit_a_filter(options, run, std::move(model));
 }
@@ -111,6 +128,11 @@ Verb fit_verb() {
              "disturb, prediction-error: with a filter gain, or trajectory: with the states of all "
              "rows unknown.",
              "output-error");
+  add_choice(verb, "--objective", options->objective, {"one-step", "simulation"},
+             "Formulas: Choose which errors are made small. one-step: those of a filter that "
+             "predicts the next sample; simulation: those of a simulation from a start that is "
+             "unknown, however coloured they are.",
+             "one-step");
   add_choice(verb, "--structure", options->structure, {"as-written", "auto"},
              "Vehicle: Choose what becomes of lags, roll and bending tyres that the model does not "
              "have. as-written: they widen the errors; auto: the values are those with all of them "

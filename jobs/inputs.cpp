@@ -71,10 +71,11 @@ const std::string& Inputs::model_text(const std::string& name) {
   return input.text;
 }
 
-Model Inputs::model(const std::string& name) {
+Model Inputs::model(const std::string& name, FormulaReading reading) {
   const std::string& text = model_text(name);
-  if (!is_in_memory(name) || text.find("include") != std::string::npos) {
-    return parse_model_file(text, name);
+  const bool may_change = !is_in_memory(name) || text.find("include") != std::string::npos;
+  if (may_change || reading != FormulaReading::linear) {
+    return parse_model_file(text, name, reading);
   }
   return parsed_in_memory(text, name);
 }

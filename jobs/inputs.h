@@ -7,6 +7,7 @@
 #include <string>
 
 #include "identify/model/model.h"
+#include "identify/model/model_file.h"
 #include "identify/result/file.h"
 #include "lib/data/csv.h"
 
@@ -27,7 +28,7 @@ class Inputs {
   /// A model file's bytes. @throws InputError as read_yaml_text()
   const std::string& model_text(const std::string& name);
   /// That file, parsed. @throws InputError as parse_model_file()
-  Model model(const std::string& name);
+  Model model(const std::string& name, FormulaReading reading = FormulaReading::linear);
   /// @throws InputError as read_csv()
   const Table& table(const std::string& name);
   /// @throws InputError as read_stored_result()

@@ -10,6 +10,7 @@
 
 #include "identify/filter/digest_file.h"
 #include "identify/filter/model_filter.h"
+#include "identify/model/simulation_model.h"
 #include "identify/model/model_file.h"
 #include "identify/model/output_conditions.h"
 #include "identify/model/row_selection.h"
@@ -48,6 +49,9 @@ namespace {
 Model with_options(Model model, const ModelOptions& options, Inputs& inputs) {
   if (!options.from.empty()) {
     const StoredResult result = inputs.result(options.from);
+    if (result.estimate.objective.method == kSimulationMethod) {
+      model = without_process_noise(inputs.model(options.file, FormulaReading::as_written));
+    }
     set_values(model, result.estimate, result.path);
   }
   refuse_twice("--set", options.settings);
@@ -81,8 +85,9 @@ Model load_any_model(const ModelOptions& options, Inputs& inputs) {
   return with_options(inputs.model(options.file), options, inputs);
 }
 
-Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs) {
-  Model model = inputs.model(options.file);
+Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs,
+                 FormulaReading reading) {
+  Model model = inputs.model(options.file, reading);
   if (is_regression(model)) {
     throw InputError({model.source, 0, 0}, fmt::format("'{}' takes no regression", verb),
                      "identikal track MODEL DATA");

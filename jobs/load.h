@@ -24,7 +24,8 @@ void require_linear(const Model& model, const std::string& job);
 void require_filter(const Model& model, const std::string& job);
 
 /// The model file with --from, --set and --filter applied; never a regression. @throws InputError
-Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs);
+Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs,
+                 FormulaReading reading = FormulaReading::linear);
 /// The same, for the verb that takes regressions too.
 Model load_any_model(const ModelOptions& options, Inputs& inputs);
 

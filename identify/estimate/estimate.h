@@ -99,6 +99,9 @@ struct Objective {
   std::string evaluation_method, evaluation_reason;
 };
 
+/// Objective::method of a fit to the errors of a simulation, which need not be white.
+inline constexpr const char* kSimulationMethod = "simulation";
+
 /// What the result was computed from, one per data file.
 struct InputRecord {
   std::string path;

@@ -1,5 +1,6 @@
 #include "identify/estimate/parameter_table.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "lib/data/units.h"
@@ -37,10 +38,18 @@ void list_known_parameters(Estimate& estimate, const ParameterSet& parameters) {
 }
 
 ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters) {
+  const ReportedEntries all = reported_entries(parameters);
   Eigen::VectorXd entries = free_entries(parameters);
-  Index i = 0;
-  for (const EstimatedParameter& p : estimate.parameters) {
-    if (!p.fixed) entries[i++] = unit_or_dimensionless(p.unit).to_si(p.value);
+  Index free = 0;
+  for (std::size_t e = 0; e < all.names.size(); ++e) {
+    if (parameters[static_cast<std::size_t>(all.parameter[e])].fixed) continue;
+    const auto found =
+        std::find_if(estimate.parameters.begin(), estimate.parameters.end(),
+                     [&](const EstimatedParameter& p) { return p.name == all.names[e]; });
+    if (found != estimate.parameters.end()) {
+      entries[free] = unit_or_dimensionless(found->unit).to_si(found->value);
+    }
+    ++free;
   }
   return with_entries(parameters, entries);
 }

@@ -56,11 +56,11 @@ FilterNoise noise_derivative(const StateSpace& written, const StateSpace& d) {
   return {moved + moved.transpose() + written.G * d.Q * written.G.transpose(), d.R, d.x0, d.P0};
 }
 
-std::vector<FilterDirection> directions(const FormulaModel& model, const ParameterSet& at,
-                                        const StateSpace& written) {
+std::vector<FilterDirection> directions(const FormulaModel& model, const LinearModel& noise,
+                                        const ParameterSet& at, const StateSpace& written) {
   std::vector<FilterDirection> out;
   const std::vector<EntryDerivative> entries = entry_derivatives(at);
-  const std::vector<StateSpace> derivatives = model_derivatives(model.noise, at);
+  const std::vector<StateSpace> derivatives = model_derivatives(noise, at);
   for (std::size_t i = 0; i < entries.size(); ++i) {
     const int parameter = entries[i].parameter;
     out.push_back({parameter < model.equations.parameters ? parameter : -1,
@@ -158,34 +158,50 @@ Integration motion_integration(const Model& model, const ParameterSet& at, const
   return out;
 }
 
+Integration integration_from(const Model& model, const ParameterSet& at, const Dataset& recording,
+                             const StateSpace& written);
+
 }  // namespace
 
 Integration integration_of(const Model& model, const ParameterSet& at, const Dataset& recording) {
   const FormulaModel& formulas = as_formulas(model);
   if (formulas.linear) return {};
+  return integration_from(model, at, recording, written_matrices(formulas.noise, at));
+}
+
+namespace {
+
+Integration integration_from(const Model& model, const ParameterSet& at, const Dataset& recording,
+                             const StateSpace& written) {
+  const FormulaModel& formulas = as_formulas(model);
   const bool without_noise = moves_without_noise(formulas, at);
-  const VectorXd x0 = noise_of(written_matrices(formulas.noise, at), recording).x0;
+  const VectorXd x0 = noise_of(written, recording).x0;
   if (auto given = steps_of_file(model, recording)) {
     return {*given, without_noise && !follow(formulas, at, recording, given->steps, x0)};
   }
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at),
-                                    noise_of(written_matrices(formulas.noise, at), recording),
-                                    recording.time, recording.u, formulas.inputs, recording.y,
+                                    noise_of(written, recording), recording.time, recording.u,
+                                    formulas.inputs, recording.y,
                                     filter_options(formulas, recording), tolerance)};
   out.controlled = without_noise && (out.steps.status != StepStatus::ok ||
                                      !follow(formulas, at, recording, out.steps.steps, x0));
   return out;
 }
 
+}  // namespace
+
 NonlinearRecordings::NonlinearRecordings(const Model& model, const std::vector<Dataset>& recordings)
     : model_(model),
       recordings_(recordings),
       memory_(make_memory(as_formulas(model).equations)),
       without_noise_(moves_without_noise(as_formulas(model), model.parameters)) {
-  for (const Dataset& recording : recordings) {
-    const Integration integration = integration_of(model, model.parameters, recording);
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    const Dataset& recording = recordings[i];
+    noise_.push_back(noise_of_recording(as_formulas(model), i));
+    const Integration integration = integration_from(
+        model, model.parameters, recording, written_matrices(noise_[i], model.parameters));
     inputs_.push_back(nodes_in(as_formulas(model), recording, integration));
     options_.push_back(filter_options(as_formulas(model), recording));
     steps_.push_back(integration.steps.steps);
@@ -234,7 +250,7 @@ void NonlinearSteps::move(Index t, VectorXd& x, MatrixXd& P) {
 }
 
 double NonlinearRecordings::controlled_change(const ParameterSet& at, std::size_t i) {
-  const StateSpace written = written_matrices(as_formulas(model_).noise, at);
+  const StateSpace written = written_matrices(noise_[i], at);
   const InputNodes controlled =
       controlled_nodes_in(as_formulas(model_), recordings_[i], kCheckedBy);
   const Likelihood exact = evaluate_one(at, i, controlled, written, {}, nullptr);
@@ -255,7 +271,8 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
   bool changed = false;
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     if (inputs_[i].tolerance > 0.0) continue;
-    const Integration needed = integration_of(model_, at, recordings_[i]);
+    const Integration needed =
+        integration_from(model_, at, recordings_[i], written_matrices(noise_[i], at));
     bool here = needed.controlled;
     if (here) {
       inputs_[i] = controlled_nodes_in(as_formulas(model_), recordings_[i]);
@@ -303,10 +320,9 @@ Likelihood NonlinearRecordings::evaluate_one(const ParameterSet& at, std::size_t
 const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
                                                 MatrixXd* score_products) {
   const FormulaModel& model = as_formulas(model_);
-  const StateSpace written = written_matrices(model.noise, at);
-  const std::vector<FilterDirection> by =
-      with_derivatives ? directions(model, at, written) : std::vector<FilterDirection>{};
-  const auto k = static_cast<Index>(by.size());
+  StateSpace written;
+  std::vector<FilterDirection> by;
+  const Index k = with_derivatives ? free_entries(at).size() : 0;
   sum_.status = FilterStatus::ok;
   sum_.value = 0.0;
   sum_.gradient.setZero(k);
@@ -314,6 +330,10 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
   if (score_products != nullptr) score_products->setZero(k, k);
   MatrixXd products;
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    if (i == 0 || !model.starts.empty()) {
+      written = written_matrices(noise_[i], at);
+      if (with_derivatives) by = directions(model, noise_[i], at, written);
+    }
     const Likelihood one =
         evaluate_one(at, i, inputs_[i], written, by, score_products ? &products : nullptr);
     sum_.status = one.status;
@@ -330,9 +350,10 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
 FilterStatus NonlinearRecordings::watch(const ParameterSet& at, bool with_derivatives,
                                         std::size_t recording, const FilteredStateWatcher& see) {
   const FormulaModel& model = as_formulas(model_);
-  const StateSpace written = written_matrices(model.noise, at);
-  const std::vector<FilterDirection> by =
-      with_derivatives ? directions(model, at, written) : std::vector<FilterDirection>{};
+  const StateSpace written = written_matrices(noise_[recording], at);
+  const std::vector<FilterDirection> by = with_derivatives
+                                              ? directions(model, noise_[recording], at, written)
+                                              : std::vector<FilterDirection>{};
   return watch_filtered_states(model.equations, memory_, formula_parameters(model, at),
                                noise_of(written, recordings_[recording]),
                                from_start_of(recordings_[recording], by), inputs_[recording],

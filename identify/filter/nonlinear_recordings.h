@@ -71,6 +71,7 @@ class NonlinearRecordings {
 
   const Model& model_;
   const std::vector<Dataset>& recordings_;
+  std::vector<LinearModel> noise_;  // of each recording
   std::vector<std::vector<int>> steps_;
   std::vector<InputNodes> inputs_;
   ModelMemory memory_;

@@ -119,13 +119,55 @@ double explained_share(const FStatistic& f) {
   return std::max(0.0, 1.0 - unexplained * (f.dof + f.dof_rest) / f.dof_rest);
 }
 
+// x(t) less what the coefficients make of the values before.
+VectorXd whitened(const VectorXd& x, const std::vector<MatrixXd>& A) {
+  VectorXd out = x;
+  for (std::size_t k = 1; k <= A.size(); ++k) {
+    const auto lag = static_cast<Index>(k);
+    out.head(std::min(lag, x.size())).setConstant(kNone);
+    if (x.size() > lag) out.tail(x.size() - lag) -= A[k - 1](0, 0) * x.head(x.size() - lag);
+  }
+  return out;
+}
+
+// input_tests() of errors that are not white: errors and inputs go through the filter that makes the
+// errors so, an autoregression.
+std::vector<FStatistic> whitened_input_tests(const std::vector<Dataset>& recordings,
+                                             const std::vector<FilterResult>& filters) {
+  constexpr int kLags = 10, kHighestOrder = 20;
+  if (recordings[0].inputs.empty()) return {};
+  const int gap = kLags + kHighestOrder;
+  const MatrixXd e = side_by_side(filters, gap), u = inputs_side_by_side(recordings, gap);
+  std::vector<FStatistic> out;
+  for (Index i = 0; i < e.rows(); ++i) {
+    const Index order = std::min<Index>(kHighestOrder, shortest_of(recordings) / 10);
+    const Autoregressions models =
+        yule_walker(sample_autocovariances(e.row(i), order + 1, Divisor::samples));
+    if (models.S.empty()) {
+      out.push_back({kNone, kNone, kNone});
+      continue;
+    }
+    const Index samples = (e.row(i).array() == e.row(i).array()).count();
+    const std::vector<MatrixXd>& A = models.A[static_cast<std::size_t>(
+        autoregressive_order(models, std::max<Index>(3, samples), Penalty::aic).order)];
+    MatrixXd earlier = MatrixXd::Constant(u.rows(), u.cols(), kNone);
+    for (Index j = 0; j < u.rows(); ++j) {
+      earlier.row(j).tail(u.cols() - 1) = whitened(u.row(j).transpose(), A).head(u.cols() - 1);
+    }
+    out.push_back(input_correlation(whitened(e.row(i).transpose(), A), earlier, kLags - 1));
+  }
+  return out;
+}
+
 void report_tests(FilterEstimate& estimate, const std::vector<Dataset>& recordings,
                   const std::vector<FilterResult>& of_all) {
   const std::vector<Channel> outputs = measured(recordings[0].outputs);
   const std::vector<FilterResult> filters = of_measured(of_all, recordings[0].outputs);
   const int lags = default_lags(shortest_of(recordings));
   const MatrixXd all = side_by_side(filters, rows_apart(filters, lags));
-  const std::vector<FStatistic> by_input = input_tests(recordings, filters);
+  const bool coloured = estimate.objective.method == kSimulationMethod;
+  const std::vector<FStatistic> by_input =
+      coloured ? whitened_input_tests(recordings, filters) : input_tests(recordings, filters);
   const VectorXd by_past = explained_by_past(all, lags);
   const double level = 0.05 / static_cast<double>(1 + outputs.size() + by_input.size());
   const ChiSquareStatistic nis = normalised_innovation_squared(all);

@@ -192,7 +192,10 @@ void report_hold_out(FilterEstimate& estimate, const Model& model,
     recording.resize(static_cast<std::size_t>(y.cols()),
                      recording.empty() ? 1 : recording.back() + 1);
   }
-  append(estimate.findings, check_held_out(estimate, standardised));
+  // It takes the errors as white.
+  if (estimate.objective.method != kSimulationMethod) {
+    append(estimate.findings, check_held_out(estimate, standardised));
+  }
   estimate.hold_out = fits_of(outputs, y, y - simulated);
   const std::string why = why_no_simulation(model, end, held_out[0].recording, estimate.hold_out);
   if (!why.empty()) {

@@ -156,6 +156,9 @@ void refuse_unused(const Model& model) {
     for (std::size_t i = 0; i < column.size(); ++i) {
       if (column[i] != NonlinearModel::kInNoFormula) used[i] = true;
     }
+    for (const ParametrisedMatrix& start : as_formulas(model).starts) {
+      for (const int i : parameters_in(start)) used[static_cast<std::size_t>(i)] = true;
+    }
   }
   const int freedom = model.student ? model.student->parameter : -1;
   if (freedom >= 0) used[static_cast<std::size_t>(freedom)] = true;

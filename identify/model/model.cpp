@@ -56,6 +56,12 @@ RegressionModel& as_regression(Model& model) { return form_of<RegressionModel>(m
 const LinearModel& noise_model(const Model& model) { return noise_beside(model); }
 LinearModel& noise_model(Model& model) { return noise_beside(model); }
 
+LinearModel noise_of_recording(const FormulaModel& model, std::size_t recording) {
+  LinearModel out = model.noise;
+  if (!model.starts.empty()) out.x0 = model.starts.at(recording);
+  return out;
+}
+
 FormulaModel changing_model(LinearModel matrices, Eigen::Index inputs, std::size_t parameters) {
   FormulaModel out;
   NonlinearModel& sizes = out.equations;

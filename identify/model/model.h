@@ -82,10 +82,15 @@ struct FormulaModel {
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
   std::vector<bool> wraps;    ///< per output: an angle that is measured up to whole turns
   NonlinearMethod filter = NonlinearMethod::extended;
+  /// Per recording: the state at its first sample, in place of noise.x0. Empty: that for all of them.
+  std::vector<ParametrisedMatrix> starts;
 };
 
 /// Matrices as a FormulaModel that is linear.
 FormulaModel changing_model(LinearModel matrices, Eigen::Index inputs, std::size_t parameters);
+
+/// Noise and start of one of the recordings, by its place among them.
+LinearModel noise_of_recording(const FormulaModel& model, std::size_t recording);
 
 /// As the command line and results name it.
 const char* to_string(NonlinearMethod method);

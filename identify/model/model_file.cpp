@@ -117,11 +117,12 @@ Model read_model_file(const std::string& path) {
   return parse_model_file(read_yaml_text(path), path);
 }
 
-Model parse_model_file(const std::string& text, const std::string& path) {
-  return model_of(parse_with_included(text, path), path);
+Model parse_model_file(const std::string& text, const std::string& path,
+                       FormulaReading reading) {
+  return model_of(parse_with_included(text, path), path, reading);
 }
 
-Model model_of(const YamlNode& written, const std::string& path) {
+Model model_of(const YamlNode& written, const std::string& path, FormulaReading reading) {
   const YamlNode root = with_components(written);
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
@@ -148,7 +149,7 @@ Model model_of(const YamlNode& written, const std::string& path) {
   const bool formulas = find(root, "dynamics") != nullptr || find(root, "states") != nullptr;
   out.time = read_time(root, out, formulas);
   if (formulas) {
-    read_formulas(root, out);
+    read_formulas(root, reading, out);
   } else if (is_linear(out)) {
     read_linear(root, out);
   } else if (is_vehicle(out)) {

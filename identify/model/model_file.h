@@ -9,6 +9,12 @@
 
 namespace identikal {
 
+/// What becomes of formulas that are linear in the states.
+enum class FormulaReading {
+  linear,      ///< a linear model, with Kalman's own filter
+  as_written,  ///< formulas like any others; a start that is not given is N(0, 1) for every state
+};
+
 /// @throws InputError at line and column for text that is not YAML, unknown, duplicate or missing
 /// keys, a value of the
 ///   wrong kind, wrong matrix sizes, unknown parameter names (the nearest is offered), unknown
@@ -21,10 +27,12 @@ namespace identikal {
 Model read_model_file(const std::string& path);
 
 /// The same from the file's text. @param path  for messages, and a name where the text has none
-Model parse_model_file(const std::string& text, const std::string& path);
+Model parse_model_file(const std::string& text, const std::string& path,
+                       FormulaReading reading = FormulaReading::linear);
 
 /// What a tree of keys and values means, as parse_model_file() has read one.
-Model model_of(const YamlNode& root, const std::string& path = "");
+Model model_of(const YamlNode& root, const std::string& path = "",
+               FormulaReading reading = FormulaReading::linear);
 
 /// Applies "NAME=VALUE" from the command line to the value (the start, when the parameter is free).
 /// VALUE is in the model file's unit for that parameter or carries a unit of its own ("80 kN/rad").

@@ -282,8 +282,12 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   const auto without_outliers = [&](const std::vector<Dataset>& cleaned) {
     return outlier_effect(estimate, model, end, cleaned);
   };
-  append(estimate.findings,
-         check_outliers_and_offset(model, end, recordings, filters, without_outliers));
+  // Errors of a simulation may be coloured, and then look like outliers and tails that are none.
+  const bool white = estimate.objective.method != kSimulationMethod;
+  if (white) {
+    append(estimate.findings,
+           check_outliers_and_offset(model, end, recordings, filters, without_outliers));
+  }
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
   objective.samples = static_cast<long>(samples_present(recordings));
@@ -297,8 +301,10 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   }
   report_criteria(objective, k, model, end, recordings);
   append(estimate.findings, check_innovations(estimate));
-  append(estimate.findings, check_tails(estimate));
-  append(estimate.findings, check_sampling(estimate, model, end, recordings));
+  if (white) {
+    append(estimate.findings, check_tails(estimate));
+    append(estimate.findings, check_sampling(estimate, model, end, recordings));
+  }
   append(estimate.findings, check_measurement_noise(estimate, model, end, recordings[0].outputs));
 }
 
@@ -357,6 +363,16 @@ Finding input_finding(const TestResult& test) {
           "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which lag"};
 }
 
+Finding coloured_simulation(const TestResult& test) {
+  return {FindingCode::coloured_innovations,
+          Severity::note,
+          {test.channel},
+          fmt::format("the errors of the simulation of '{}' are not white{}: standard errors allow "
+                      "for that",
+                      test.channel, size_of(test, "their own last values")),
+          "noise in the model, and no --objective, where the next sample is to be predicted"};
+}
+
 Finding colour_finding(const TestResult& test, bool has_errors, bool can_shape) {
   return {FindingCode::coloured_innovations,
           severity_of(test),
@@ -378,13 +394,15 @@ Findings check_innovations(const FilterEstimate& estimate) {
   // It takes linear models.
   const bool can_shape =
       estimate.objective.filter.empty() && estimate.objective.method != kOwnFilter;
+  const bool simulation = estimate.objective.method == kSimulationMethod;
   const bool has_errors =
       std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
                   [](const EstimatedParameter& p) { return !p.fixed && std::isfinite(p.se); });
   for (const TestResult& test : estimate.tests) {
     if (test.pass) continue;
     if (test.id == "input_correlation") out.push_back(input_finding(test));
-    if (test.id == "ljung_box") out.push_back(colour_finding(test, has_errors, can_shape));
+    if (test.id == "ljung_box" && simulation) out.push_back(coloured_simulation(test));
+    if (test.id == "ljung_box" && !simulation) out.push_back(colour_finding(test, has_errors, can_shape));
   }
   return out;
 }

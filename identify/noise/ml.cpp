@@ -13,10 +13,12 @@
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
+#include "identify/noise/internal/coloured_errors.h"
 #include "identify/noise/internal/likelihood_errors.h"
 #include "identify/noise/internal/likelihood_intervals.h"
 #include "identify/noise/internal/several_starts.h"
 #include "identify/noise/reference_tuning.h"
+#include "identify/model/simulation_model.h"
 #include "identify/noise/student.h"
 #include "lib/filter/likelihood.h"
 #include "solvers/scoring.h"
@@ -181,8 +183,11 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   objective.evaluations = found.evaluations;
   objective.starts = static_cast<int>(found.ends.size());
   objective.starts_at_optimum = found.count(SearchEnd::best);
+  const bool coloured = options.objective == FitObjective::simulation;
+  const Eigen::MatrixXd scores =
+      coloured ? simulation_scores(model, likelihood.recordings(), end) : Eigen::MatrixXd();
   const JudgedMaximum judged =
-      judge_maximum(estimate, likelihood, problem, end, best, found.on_circle);
+      judge_maximum(estimate, likelihood, problem, end, best, found.on_circle, scores);
   report_priors(estimate, end);
   report_evaluation(likelihood.evaluation_taken(), objective);
   append(estimate.findings,
@@ -191,18 +196,31 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const ProfiledMaximum maximum{likelihood,     factors, end,
                                 found.best,     judged,  static_cast<Index>(likelihood.samples()),
                                 options.threads};
-  if (converged && limit_variances_at_zero(estimate, maximum)) {
+  if (coloured) {
+    append(estimate.findings, check_bounds(estimate, problem, best));
+  } else if (converged && limit_variances_at_zero(estimate, maximum)) {
     append(estimate.findings, check_bounds(estimate, problem, best));
     append(estimate.findings, check_roots(estimate, found.on_circle));
   }
   // Others that are not determined would be searched for at every point of a profile.
   const bool determined = estimate.identifiability.rank == estimate.identifiability.of;
-  if (options.profiles && converged && determined) take_profile_intervals(estimate, maximum);
+  // Profiles take the errors as white.
+  const bool profiles = options.profiles && !coloured;
+  if (profiles && converged && determined) take_profile_intervals(estimate, maximum);
   if (options.pictures) estimate.pictures.searches = found.paths;
-  if (options.pictures && converged && determined) picture_profiles(estimate, maximum);
+  if (options.pictures && !coloured && converged && determined) picture_profiles(estimate, maximum);
   if (!converged) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.best.summary));
   return {std::move(end), std::move(found)};
+}
+
+// How the best was reached.
+std::string way_to_simulation(const SeveralStarts& found) {
+  if (found.by_path == 0) return "search on simulations alone";
+  return fmt::format(
+      "from prediction to simulation: multiple shooting, the states' freedom taken in {} stages, led "
+      "{} of {} starts to the best",
+      found.stages, found.by_path, found.ends.size());
 }
 
 void check_starts_asked(const NoiseMlOptions& options) {
@@ -237,7 +255,8 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   model.parameters = started_within_priors(model.parameters);
   NoiseEstimate estimate;
   estimate.model_name = model.name;
-  estimate.objective.method = "ml";
+  const bool simulation = options.objective == FitObjective::simulation;
+  estimate.objective.method = simulation ? kSimulationMethod : "ml";
   check_recordings(model, recordings);
   RecordingsLikelihood likelihood(model, recordings, options.evaluation);
   if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
@@ -246,7 +265,10 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   likelihood.condition_on_beginning();
   likelihood.weigh_by_priors();
   const auto [end, found] = take_maximum(estimate, likelihood, options);
-  report_noise_estimate(estimate, model, end, recordings);
+  const std::vector<Dataset> started =
+      simulation ? with_starts(model, end, recordings) : std::vector<Dataset>();
+  report_noise_estimate(estimate, model, end, simulation ? started : recordings);
+  if (simulation) estimate.notes.push_back(way_to_simulation(found));
   if (found.best.summary.termination != Termination::stopped) {
     append(estimate.findings, check_starts(found));
     append(estimate.findings, check_against_references(model, end, recordings));

@@ -12,7 +12,15 @@
 
 namespace identikal {
 
+/// What a fit makes small.
+enum class FitObjective {
+  one_step,    ///< errors one sample ahead, of a filter: the innovations
+  simulation,  ///< errors of a simulation from its start (simulation_model.h); they need not be white
+};
+
 struct NoiseMlOptions {
+  FitObjective objective = FitObjective::one_step;
+
   /// Searches: from the file's values, then from scattered ones. 0: one, and four more where its
   /// end leaves a doubt (a variance of zero, other unknowns than variances, no convergence).
   int starts = 0;
@@ -44,6 +52,10 @@ struct NoiseMlOptions {
 ///     NoiseMlOptions options;
 ///     options.starts = 10;
 ///     const auto estimate = tune_ml(model, recordings, options);
+///
+/// With FitObjective::simulation the model is one of simulation_model(): its likelihood takes errors
+/// as white, as the weights of several outputs; standard errors and the test for inputs in the errors
+/// allow for their colour.
 ///
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording

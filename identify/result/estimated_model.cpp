@@ -10,6 +10,7 @@
 
 #include "identify/model/model_file.h"
 #include "identify/model/model_values.h"
+#include "identify/model/simulation_model.h"
 #include "identify/model/yaml_reader.h"
 #include "identify/result/file_digest.h"
 #include "identify/result/values.h"
@@ -35,7 +36,9 @@ Model started_model(const StoredEstimate& result, const std::string& path) {
                                  there ? "has changed since" : "is no longer there"),
                      "the file as it was", "a result holds the text of the model file alone");
   }
-  return parse_model_file(result.model_file->text, result.model_file->path);
+  const ModelSource& file = *result.model_file;
+  if (result.objective.method != kSimulationMethod) return parse_model_file(file.text, file.path);
+  return without_process_noise(parse_model_file(file.text, file.path, FormulaReading::as_written));
 }
 
 // What takes the place of a part of a text, or is inserted before it.
@@ -168,7 +171,9 @@ std::optional<std::string> estimated_model_text(const StoredEstimate& result,
   const YamlNode* parameters = find(root, "parameters");
   const bool includes = find(root, "include") != nullptr;
   Editor editor(text);
-  for (std::size_t i = 0; i < model.parameters.size(); ++i) {
+  // Those of the file come first.
+  const std::size_t count = parse_model_file(text, model.source).parameters.size();
+  for (std::size_t i = 0; i < count; ++i) {
     const Parameter& p = model.parameters[i];
     const bool same = p.value == started.parameters[i].value;
     if (!p.value.allFinite() || (same && p.fixed)) continue;
@@ -192,9 +197,10 @@ std::optional<std::string> estimated_model_text(const StoredEstimate& result,
   } catch (const InputError&) {
     return std::nullopt;
   }
-  for (std::size_t i = 0; i < model.parameters.size(); ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
     const MatrixXd &meant = model.parameters[i].value, &found = again.parameters[i].value;
-    if (!meant.allFinite()) continue;
+    const bool same = meant == started.parameters[i].value;
+    if (!meant.allFinite() || (same && model.parameters[i].fixed)) continue;
     if (meant.rows() != found.rows() ||
         !(meant - found).isZero(1e-12 * meant.cwiseAbs().maxCoeff()))
       return std::nullopt;

@@ -10,6 +10,7 @@
 #include "identify/model/matrix_reader.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
+#include "identify/model/simulation_model.h"
 #include "lib/data/units.h"
 #include "lib/model/parameter.h"
 
@@ -25,6 +26,10 @@ void set_values(Model& model, const Estimate& result, const std::string& path) {
   Eigen::VectorXd entries = known.value;
   for (const EstimatedParameter& p : result.parameters) {
     const auto at = std::find(known.names.begin(), known.names.end(), p.name);
+    // Where a recording began is nothing that another one shares.
+    const bool of_start = result.objective.method == kSimulationMethod &&
+                          p.name.find(kStartName) != std::string::npos;
+    if (at == known.names.end() && of_start) continue;
     if (at == known.names.end()) {
       throw InputError(here, fmt::format("{} has no parameter '{}'", model.source, p.name), hint,
                        did_you_mean(p.name, known.names));

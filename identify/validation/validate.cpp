@@ -221,6 +221,11 @@ Validation validate_filter(const ResultSections& validated, const Model& written
   list_parameters(out, model.parameters, model.parameters);
   for (EstimatedParameter& p : out.parameters) p.fixed = true;
   const std::vector<FilterResult> filters = report_filter(out, model, model.parameters, recordings);
+  if (result.objective.method == kSimulationMethod) {
+    out.notes.emplace_back(
+        "the start of each recording is what its own outputs make likeliest; nothing else is refitted");
+    return out;
+  }
   test_unseen(result, model, recordings, filters, out);
   if (model.student) {
     out.notes.push_back(student_note(model));
@@ -469,9 +474,10 @@ Validation validate(const ResultSections& result, const Model& model,
   const bool vehicle = is_vehicle(model);
   Validation out = vehicle ? validate_car(result, model, recordings, options.robust)
                            : validate_filter(result, model, recordings);
-  const std::vector<ChannelFit>& fits = vehicle ? out.simulation : out.one_step;
+  const bool simulated = vehicle || result.core->objective.method == kSimulationMethod;
+  const std::vector<ChannelFit>& fits = simulated ? out.simulation : out.one_step;
   const RecordingFit own = result.fit != nullptr ? *result.fit : RecordingFit{};
-  for (const ChannelFit& fit : vehicle ? own.simulation : own.one_step) {
+  for (const ChannelFit& fit : simulated ? own.simulation : own.one_step) {
     out.derived.push_back({"own fit of " + fit.channel, "%", fit.fit_percent, kNone});
   }
   VehicleRefit refit;
@@ -488,6 +494,10 @@ Validation validate(const ResultSections& result, const Model& model,
     conclude(out, "it holds on these data: every fit is high enough", Basis::tests);
   } else if (vehicle) {
     conclude_car(refit, own, circumstances, out);
+  } else if (simulated) {
+    append(out.findings, check_fits(fits, std::vector<double>(fits.size(), kPoorFit)));
+    append(out.findings, circumstances);
+    conclude(out, "it holds on these data: the simulation explains half of every output", Basis::tests);
   } else {
     append(out.findings, check_tests(out.tests));
     append(out.findings, circumstances);

@@ -60,28 +60,6 @@ void test_whiteness(const VehicleProblem& problem, VehicleCovariance& out) {
   }
 }
 
-/// Long-run covariance at Andrews' bandwidth or a multiple of it up to an eighth of the record,
-/// whichever gives the widest errors on average over the parameters: his rule looks at neighbouring
-/// rows only, and misses slow model errors under fast noise.
-Eigen::MatrixXd widest_long_run_covariance(const Eigen::MatrixXd& scores,
-                                           const Eigen::MatrixXd& white, Eigen::Index& bandwidth) {
-  const Eigen::Index largest = std::max<Eigen::Index>(1, scores.cols() / 8);
-  Eigen::MatrixXd widest;
-  double most = -1.0;
-  for (Eigen::Index tried = andrews_bandwidth(scores, largest); tried <= largest; tried *= 2) {
-    const Eigen::MatrixXd candidate = long_run_covariance(scores, tried);
-    double inflation = 0.0;
-    for (Eigen::Index i = 0; i < white.rows(); ++i) {
-      if (white(i, i) > 0.0) inflation += candidate(i, i) / white(i, i);
-    }
-    if (inflation <= most) continue;
-    most = inflation;
-    widest = candidate;
-    bandwidth = tried;
-  }
-  return widest;
-}
-
 }  // namespace
 
 Eigen::MatrixXd orthogonal_part(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {

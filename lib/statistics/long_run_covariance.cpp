@@ -47,4 +47,24 @@ Eigen::Index andrews_bandwidth(const Eigen::Ref<const Eigen::MatrixXd>& terms,
   return std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::ceil(limited)));
 }
 
+Eigen::MatrixXd widest_long_run_covariance(const Eigen::Ref<const Eigen::MatrixXd>& terms,
+                                           const Eigen::Ref<const Eigen::MatrixXd>& white,
+                                           Eigen::Index& bandwidth) {
+  const Eigen::Index largest = std::max<Eigen::Index>(1, terms.cols() / 8);
+  Eigen::MatrixXd widest;
+  double most = -1.0;
+  for (Eigen::Index tried = andrews_bandwidth(terms, largest); tried <= largest; tried *= 2) {
+    const Eigen::MatrixXd candidate = long_run_covariance(terms, tried);
+    double inflation = 0.0;
+    for (Eigen::Index i = 0; i < white.rows(); ++i) {
+      if (white(i, i) > 0.0) inflation += candidate(i, i) / white(i, i);
+    }
+    if (inflation <= most) continue;
+    most = inflation;
+    widest = candidate;
+    bandwidth = tried;
+  }
+  return widest;
+}
+
 }  // namespace identikal

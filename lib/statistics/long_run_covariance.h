@@ -27,4 +27,13 @@ Eigen::MatrixXd long_run_covariance(const Eigen::Ref<const Eigen::MatrixXd>& ter
 Eigen::Index andrews_bandwidth(const Eigen::Ref<const Eigen::MatrixXd>& terms,
                                Eigen::Index largest);
 
+/// The covariance above at Andrews' bandwidth or a multiple of it up to an eighth of the terms,
+/// whichever is widest against `white` on average over the rows: his rule looks at neighbouring terms
+/// only, and misses what is slow under fast noise.
+/// @param white      k x k: the covariance that terms have if they are uncorrelated
+/// @param bandwidth  written: the one taken
+Eigen::MatrixXd widest_long_run_covariance(const Eigen::Ref<const Eigen::MatrixXd>& terms,
+                                           const Eigen::Ref<const Eigen::MatrixXd>& white,
+                                           Eigen::Index& bandwidth);
+
 }  // namespace identikal

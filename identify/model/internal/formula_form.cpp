@@ -98,8 +98,8 @@ std::vector<const YamlNode*> channel_names(const YamlNode& node) {
 // Reads the formulas of one model file.
 class FormulaReader {
  public:
-  FormulaReader(const YamlNode& root, Model& out)
-      : root_(root), out_(out), parameters_(read_named_parameters(root)) {}
+  FormulaReader(const YamlNode& root, FormulaReading reading, Model& out)
+      : root_(root), reading_(reading), out_(out), parameters_(read_named_parameters(root)) {}
 
   void read() {
     const std::string top = "the model file";
@@ -124,6 +124,7 @@ class FormulaReader {
     out_.student = read_student(root_, parameters_);
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
     read_initial(root_, physical, parameters_, matrices);
+    if (reading_ == FormulaReading::as_written) give_start(matrices);
     if (!is_linear_) refuse_what_only_linear_models_have(matrices);
     decide_form(std::move(matrices));
     read_use_when();
@@ -321,7 +322,8 @@ class FormulaReader {
     const bool wraps = std::count(general_.wraps.begin(), general_.wraps.end(), true) > 0;
     if (!wraps) general_.wraps.clear();
     LinearModel out;
-    if (!wraps && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
+    const bool may_be_linear = reading_ == FormulaReading::linear && !wraps;
+    if (may_be_linear && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
       const bool held = general_.inputs == InputPath::constant;
       std::optional<LinearModel> linear = in_formula(*find(root_, "dynamics"), [&] {
         std::optional<LinearModel> same = linear_model_of(formulas_);
@@ -404,6 +406,15 @@ class FormulaReader {
     return out;
   }
 
+  // Of a start that linear models alone may have, what others can say: next to nothing.
+  static void give_start(LinearModel& noise) {
+    if (noise.initial == InitialState::given) return;
+    const Eigen::Index n = noise.A.constant.rows();
+    noise.initial = InitialState::given;
+    noise.x0 = constant_matrix(Eigen::MatrixXd::Zero(n, 1));
+    noise.P0 = constant_matrix(Eigen::MatrixXd::Identity(n, n));
+  }
+
   void refuse_what_only_linear_models_have(const LinearModel& noise) const {
     if (noise.initial != InitialState::given) {
       throw InputError(find(root_, "initial")->at, "a nonlinear model has no such start",
@@ -434,6 +445,7 @@ class FormulaReader {
   }
 
   const YamlNode& root_;
+  const FormulaReading reading_;
   Model& out_;
   NamedParameters parameters_;
   Symbols symbols_;
@@ -446,6 +458,8 @@ class FormulaReader {
 
 }  // namespace
 
-void read_formulas(const YamlNode& root, Model& out) { FormulaReader(root, out).read(); }
+void read_formulas(const YamlNode& root, FormulaReading reading, Model& out) {
+  FormulaReader(root, reading, out).read();
+}
 
 }  // namespace identikal

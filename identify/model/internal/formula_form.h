@@ -2,6 +2,7 @@
 #pragma once
 
 #include "identify/model/model.h"
+#include "identify/model/model_file.h"
 #include "identify/model/yaml_reader.h"
 
 namespace identikal {
@@ -14,8 +15,9 @@ namespace identikal {
 ///   outputs: {angle: {column: a, unit: deg, equals: phi}}
 ///
 /// and decides the form: linear when the formulas are so whatever the parameters are, and neither
-/// irregular sampling nor smooth inputs ask for more; else nonlinear. Units are checked before
+/// irregular sampling nor smooth inputs ask for more, nor `reading` for the formulas as they are
+/// written; else nonlinear. Units are checked before
 /// anything runs, unless the states are a list without any.
-void read_formulas(const YamlNode& root, Model& out);
+void read_formulas(const YamlNode& root, FormulaReading reading, Model& out);
 
 }  // namespace identikal

@@ -6,8 +6,11 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
+#include <fmt/format.h>
 
+#include "identify/estimate/distribution.h"
 #include "identify/noise/estimate.h"
+#include "identify/noise/internal/coloured_errors.h"
 #include "identify/noise/internal/free_directions.h"
 #include "solvers/covariance.h"
 
@@ -85,7 +88,8 @@ MatrixXd information_of_entries(const MatrixXd& by, const MatrixXd& information,
 
 JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
                             const LikelihoodProblem& problem, const ParameterSet& end,
-                            const VectorXd& best, const std::vector<RootsOnCircle>& polynomials) {
+                            const VectorXd& best, const std::vector<RootsOnCircle>& polynomials,
+                            const MatrixXd& scores) {
   const Likelihood* result = likelihood.evaluate(end, true);
   if (result == nullptr) return {};
   const MatrixXd all = result->information;
@@ -124,9 +128,18 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
     estimate.covariance_kind = "partial: some directions carry no information";
     covariance = inverse_of_determined(information);
   }
+  double quantile = normal_quantile(0.975);
+  if (scores.size() > 0 && bound) {
+    const ColouredCovariance coloured = coloured_covariance(covariance, by.transpose() * scores);
+    covariance = coloured.covariance;
+    estimate.covariance_freedom = coloured.freedom;
+    quantile = student_t_quantile(0.975, coloured.freedom);
+    estimate.covariance_kind += fmt::format(", errors correlated over {} samples allowed for",
+                                            coloured.bandwidth);
+  }
   judge_parameters(estimate, information_of_entries(in_units, information, of_entries(covariance)),
-                   of_entries(covariance));
-  if (!bound) return out;
+                   of_entries(covariance), quantile);
+  if (!bound || scores.size() > 0) return out;
   const MatrixXd products = likelihood.score_products(end);
   if (products.size() > 0) {
     const MatrixXd sandwich =

@@ -25,9 +25,12 @@ struct JudgedMaximum {
 /// free (identify/noise/internal/free_directions.h).
 /// @param best  where the search ended, in the coordinates of `problem`, which are the likelihood's
 /// @param polynomials  there, with roots on the unit circle
+/// @param scores  of a simulation with coloured errors, entries x samples (coloured_errors.h): the
+///   errors allow for them. Empty: those of white innovations
 JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
                             const LikelihoodProblem& problem, const ParameterSet& end,
                             const Eigen::VectorXd& best,
-                            const std::vector<RootsOnCircle>& polynomials);
+                            const std::vector<RootsOnCircle>& polynomials,
+                            const Eigen::MatrixXd& scores);
 
 }  // namespace identikal

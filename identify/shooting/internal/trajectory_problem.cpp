@@ -42,12 +42,19 @@ TrajectoryProblem::TrajectoryProblem(const Model& model, const std::vector<Datas
       at_(model.parameters),
       memory_(make_memory(as_formulas(model).equations)) {
   const std::vector<EntryDerivative> entries = entry_derivatives(at_);
-  const std::vector<StateSpace> by = model_derivatives(as_formulas(model).noise, at_);
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    start_.push_back(noise_of_recording(as_formulas(model), r));
+  }
+  std::vector<std::vector<StateSpace>> by;
+  for (const LinearModel& start : start_) by.push_back(model_derivatives(start, at_));
   for (std::size_t i = 0; i < entries.size(); ++i) {
+    const bool moves_start = std::any_of(by.begin(), by.end(), [&](const auto& of_recording) {
+      return !of_recording[i].x0.isZero(0.0);
+    });
     const auto parameter = static_cast<std::size_t>(entries[i].parameter);
     const std::vector<Index>& columns = equations().column;
     const Index column = parameter < columns.size() ? columns[parameter] : -1;
-    if (column < 0 && by[i].x0.isZero(0.0)) continue;
+    if (column < 0 && !moves_start) continue;
     unknowns_.push_back(static_cast<Index>(i));
     column_.push_back(column);
   }
@@ -76,12 +83,16 @@ ParameterSet TrajectoryProblem::with_values(const ParameterSet& parameters,
 void TrajectoryProblem::set_parameters_to(const VectorXd& p) {
   at_ = with_values(at_, p);
   set_parameters(equations(), memory_, formula_values(equations(), at_));
-  const LinearModel& start = as_formulas(model_).noise;
-  x0_ = written_matrices(start, at_).x0;
-  const std::vector<StateSpace> by = model_derivatives(start, at_);
-  x0_by_unknowns_.resize(x0_.size(), static_cast<Index>(unknowns_.size()));
-  for (std::size_t i = 0; i < unknowns_.size(); ++i) {
-    x0_by_unknowns_.col(static_cast<Index>(i)) = by[static_cast<std::size_t>(unknowns_[i])].x0;
+  const auto np = static_cast<Index>(unknowns_.size());
+  x0_.resize(equations().states, recordings());
+  x0_by_unknowns_.assign(start_.size(), MatrixXd(equations().states, np));
+  for (std::size_t r = 0; r < start_.size(); ++r) {
+    x0_.col(static_cast<Index>(r)) = written_matrices(start_[r], at_).x0;
+    const std::vector<StateSpace> by = model_derivatives(start_[r], at_);
+    for (Index i = 0; i < np; ++i) {
+      x0_by_unknowns_[r].col(i) =
+          by[static_cast<std::size_t>(unknowns_[static_cast<std::size_t>(i)])].x0;
+    }
   }
 }
 
@@ -137,15 +148,21 @@ void TrajectoryProblem::choose_steps(const VectorXd& p, const MatrixXd& states,
 
 MatrixXd TrajectoryProblem::states_at_start(const VectorXd& p) {
   set_parameters_to(p);
-  return x0_.replicate(1, samples_);
+  MatrixXd out(equations().states, samples_);
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    out.middleCols(first_[r], recordings_[r].size()).colwise() = x0_.col(static_cast<Index>(r));
+  }
+  return out;
 }
 
 bool TrajectoryProblem::moves_states() {
   constexpr Index kLooked = 10;
   set_parameters_to(values_in(model_.parameters));
   if (unknowns_.empty()) return false;
-  if (!x0_by_unknowns_.isZero(0.0)) return true;
-  moved_ = x0_;
+  for (const MatrixXd& by : x0_by_unknowns_) {
+    if (!by.isZero(0.0)) return true;
+  }
+  moved_ = x0_.col(0);
   for (Index k = 0; k + 1 < std::min(kLooked, recordings_[0].size()); ++k) {
     step(equations(), memory_, nodes_[0], k, moved_, motion_);
     if (!motion_.wrt_p.isZero(0.0)) return true;
@@ -154,21 +171,19 @@ bool TrajectoryProblem::moves_states() {
 }
 
 MatrixXd TrajectoryProblem::filtered_states(const VectorXd& p, const VectorXd& scale) {
-  set_parameters_to(p);
+  MatrixXd out = states_at_start(p);
   const FormulaModel& model = as_formulas(model_);
   FilterNoise noise = zero_noise(equations());
   noise.Q = step_sd.array().square().matrix().asDiagonal();
   noise.R = output_sd.array().square().matrix().asDiagonal();
   noise.P0 = scale.array().square().matrix().asDiagonal();
-  noise.x0 = x0_;
   NonlinearFilterOptions options;
   options.wraps = model.wraps;
-  MatrixXd out = x0_.replicate(1, samples_);
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    VectorXd last = noise.x0 = x0_.col(static_cast<Index>(r));
     const FilterResult filter =
         nonlinear_filter(equations(), formula_values(equations(), at_), noise, nodes_[r],
                          recordings_[r].y, options);
-    VectorXd last = x0_;
     for (Index k = 0; k < recordings_[r].size(); ++k) {
       const bool seen = k < filter.x_filt.cols() && filter.x_filt.col(k).allFinite();
       if (seen) last = filter.x_filt.col(k);
@@ -182,7 +197,7 @@ bool TrajectoryProblem::simulate(const VectorXd& p, MatrixXd& states) {
   set_parameters_to(p);
   states.resize(equations().states, samples_);
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
-    moved_ = x0_;
+    moved_ = x0_.col(static_cast<Index>(r));
     for (Index k = 0; k < recordings_[r].size(); ++k) {
       if (!moved_.allFinite()) return false;
       states.col(first_[r] + k) = moved_;
@@ -257,10 +272,11 @@ bool TrajectoryProblem::write_link(std::size_t recording, Index sample, const Ma
   }
   if (is_first) {
     for (Index i = 0; i < nx; ++i, ++row) {
-      link.residuals[row] = (x0_[i] - states(i, at)) / step_sd[i];
+      link.residuals[row] =
+          (x0_(i, static_cast<Index>(recording)) - states(i, at)) / step_sd[i];
       if (!with_derivatives) continue;
       link.by_state(row, i) = -1.0 / step_sd[i];
-      link.by_shared.row(row) = x0_by_unknowns_.row(i) / step_sd[i];
+      link.by_shared.row(row) = x0_by_unknowns_[recording].row(i) / step_sd[i];
     }
   }
   if (!is_last) {
@@ -300,7 +316,7 @@ bool TrajectoryProblem::write_links(const MatrixXd& states, const VectorXd& p,
 bool TrajectoryProblem::write_simulation(const VectorXd& p, bool with_derivatives,
                                          std::vector<ChainLink>& links) {
   set_parameters_to(p);
-  const Index nx = equations().states, np = static_cast<Index>(unknowns_.size());
+  const auto np = static_cast<Index>(unknowns_.size());
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
     const Dataset& data = recordings_[r];
     const Index rows = (data.y.array() == data.y.array()).count();
@@ -309,11 +325,9 @@ bool TrajectoryProblem::write_simulation(const VectorXd& p, bool with_derivative
     if (with_derivatives) link.by_shared.resize(rows, np);
     link.by_state.resize(rows, 0);
     link.by_next_state.resize(rows, 0);
-    VectorXd x = x0_;
-    MatrixXd by = x0_by_unknowns_;
-    ChainLink one;
+    VectorXd x = x0_.col(static_cast<Index>(r));
+    MatrixXd by = x0_by_unknowns_[r];
     Index row = 0;
-    MatrixXd state_column(nx, 1);
     for (Index k = 0; k < data.size(); ++k) {
       if (!x.allFinite()) return false;
       row = write_outputs(r, k, x, with_derivatives, by, row, link);

@@ -90,8 +90,9 @@ class TrajectoryProblem {
   std::vector<InputNodes> nodes_;
   Eigen::Index samples_ = 0;
   ParameterSet at_;
-  Eigen::VectorXd x0_;
-  Eigen::MatrixXd x0_by_unknowns_;
+  std::vector<LinearModel> start_;               // of each recording
+  Eigen::MatrixXd x0_;                           // a column a recording
+  std::vector<Eigen::MatrixXd> x0_by_unknowns_;  // of each recording
   ModelMemory memory_;
   Jacobian motion_, output_;
   Eigen::VectorXd moved_, predicted_;

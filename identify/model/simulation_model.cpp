@@ -1,0 +1,155 @@
+#include "identify/model/simulation_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "identify/model/parameter_prior.h"
+#include "lib/base/constants.h"
+#include "lib/base/error.h"
+
+namespace identikal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+// A new unknown, by a name that is free.
+int add_unknown(ParameterSet& parameters, std::string name, const std::string& unit, double value,
+                double min) {
+  while (find_parameter(parameters, name) >= 0) name += "_";
+  Parameter unknown;
+  unknown.name = std::move(name);
+  unknown.unit = unit;
+  unknown.value = MatrixXd::Constant(1, 1, value);
+  unknown.min = min;
+  parameters.push_back(std::move(unknown));
+  return static_cast<int>(parameters.size()) - 1;
+}
+
+// The start of one recording: unknown where the file gives a state a standard deviation.
+ParametrisedMatrix unknown_start(Model& model, const StateSpace& written, std::size_t recording,
+                                 bool alone) {
+  ParametrisedMatrix out = noise_model(model).x0;
+  for (Index i = 0; i < written.P0.rows(); ++i) {
+    if (!(written.P0(i, i) > 0.0)) continue;
+    const auto row = static_cast<int>(i);
+    const StateName& state = model.states[static_cast<std::size_t>(i)];
+    std::erase_if(out.entries, [&](const auto& entry) { return entry.row == row; });
+    std::erase_if(out.formulas, [&](const auto& formula) { return formula.row == row; });
+    const std::string name = state.name + "_start" + (alone ? "" : fmt::format("_{}", recording + 1));
+    const int unknown = add_unknown(model.parameters, name, state.unit, written.x0[i], -kInfinity);
+    out.constant(i, 0) = 0.0;
+    out.entries.push_back({row, 0, unknown, 1.0});
+  }
+  return out;
+}
+
+// A variance of its own for the errors of every output.
+ParametrisedMatrix own_variances(Model& model, const StateSpace& written) {
+  const Index ny = written.R.rows();
+  ParametrisedMatrix out = constant_matrix(MatrixXd::Zero(ny, ny));
+  for (Index j = 0; j < ny; ++j) {
+    const ChannelSource& output = model.outputs[static_cast<std::size_t>(j)];
+    const double value = written.R(j, j) > 0.0 ? written.R(j, j) : 1.0;
+    const int unknown = add_unknown(model.parameters, "var_" + output.name, "", value, 0.0);
+    out.entries.push_back({static_cast<int>(j), static_cast<int>(j), unknown, 1.0});
+  }
+  return out;
+}
+
+// Does each output have a variance that is a free parameter, and nothing else is?
+bool has_own_variances(const Model& model) {
+  const LinearModel& noise = noise_model(model);
+  const ParametrisedMatrix& R = noise.R;
+  if (R.block >= 0 || !R.formulas.empty() || !R.constant.isZero(0.0)) return false;
+  const std::vector<Index>& column = as_formulas(model).equations.column;
+  const std::vector<int> of_start = parameters_in(noise.x0);
+  std::vector<int> entries(model.outputs.size(), 0);
+  for (const ParametrisedMatrix::Entry& entry : R.entries) {
+    const auto p = static_cast<std::size_t>(entry.parameter);
+    const bool moves = (p < column.size() && column[p] >= 0) ||
+                       std::count(of_start.begin(), of_start.end(), entry.parameter) > 0;
+    if (entry.row != entry.col || moves || model.parameters[p].fixed) return false;
+    ++entries[static_cast<std::size_t>(entry.row)];
+  }
+  return std::all_of(entries.begin(), entries.end(), [](int n) { return n == 1; });
+}
+
+// What moves nothing any more.
+void fix_unused(Model& model) {
+  const FormulaModel& formulas = as_formulas(model);
+  std::vector<bool> used(model.parameters.size(), false);
+  for (std::size_t p = 0; p < formulas.equations.column.size(); ++p) {
+    used[p] = formulas.equations.column[p] >= 0;
+  }
+  const auto use = [&](const ParametrisedMatrix& matrix) {
+    for (const int p : parameters_in(matrix)) used[static_cast<std::size_t>(p)] = true;
+  };
+  use(formulas.noise.R);
+  use(formulas.noise.P0);
+  use(formulas.noise.x0);
+  for (const ParametrisedMatrix& start : formulas.starts) use(start);
+  for (std::size_t p = 0; p < used.size(); ++p) {
+    if (used[p] || model.parameters[p].fixed) continue;
+    model.parameters[p].fixed = true;
+    model.parameters[p].value.setZero();
+    model.parameters[p].min = std::min(model.parameters[p].min, 0.0);
+    model.parameters[p].max = std::max(model.parameters[p].max, 0.0);
+    model.parameters[p].prior = {};
+  }
+}
+
+}  // namespace
+
+Model without_process_noise(Model model) {
+  if (!is_formula_model(model) || as_formulas(model).linear) {
+    throw InputError({model.source, 0, 0}, "the objective 'simulation' belongs to formulas",
+                     "states, dynamics and outputs as formulas",
+                     "identikal model DATA --for simulation, where there are no equations");
+  }
+  LinearModel& noise = noise_model(model);
+  const StateSpace written = written_matrices(noise, model.parameters);
+  noise.Q = constant_matrix(MatrixXd::Zero(written.Q.rows(), written.Q.cols()));
+  if (!has_own_variances(model)) noise.R = own_variances(model, written);
+  fix_unused(model);
+  return model;
+}
+
+Model simulation_model(Model model, const std::vector<Dataset>& recordings) {
+  model = without_process_noise(std::move(model));
+  FormulaModel& formulas = as_formulas(model);
+  LinearModel& noise = formulas.noise;
+  const StateSpace written = written_matrices(noise, model.parameters);
+  noise.P0 = constant_matrix(MatrixXd::Zero(written.P0.rows(), written.P0.cols()));
+  if (recordings.size() == 1) {
+    noise.x0 = unknown_start(model, written, 0, true);
+  } else {
+    for (std::size_t r = 0; r < recordings.size(); ++r) {
+      formulas.starts.push_back(unknown_start(model, written, r, false));
+    }
+    noise.x0 = constant_matrix(written.x0);
+  }
+  fix_unused(model);
+  if (const auto names = names_with_priors(model.parameters); !names.empty()) {
+    throw InputError({model.source, 0, 0},
+                     fmt::format("the prior of {} with the objective 'simulation'", names.front()),
+                     "no prior", "its errors are weighed against those of a filter");
+  }
+  return model;
+}
+
+std::vector<Dataset> with_starts(const Model& model, const ParameterSet& at,
+                                 std::vector<Dataset> recordings) {
+  const FormulaModel& formulas = as_formulas(model);
+  if (formulas.starts.empty()) return recordings;
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const StateSpace written = written_matrices(noise_of_recording(formulas, r), at);
+    recordings[r].start_mean = written.x0;
+    recordings[r].start_covariance = written.P0;
+  }
+  return recordings;
+}
+
+}  // namespace identikal

@@ -1,0 +1,38 @@
+// Which model has a simulation that recordings are compared with? One without process noise, from a
+// start that is unknown.
+#pragma once
+
+#include <vector>
+
+#include "identify/model/model.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+/// How an unknown start is called: STATE_start, of the second recording STATE_start_2.
+inline constexpr const char* kStartName = "_start";
+
+/// The model without process noise, from the start that the file gives: what moves the state are that
+/// and the inputs alone. The errors of each output have a variance of their own, as the file names it,
+/// or var_OUTPUT. Parameters that have no part in it any more are fixed at zero.
+/// @param model  of formulas, read as they are written (FormulaReading::as_written)
+/// @throws InputError for another model
+Model without_process_noise(Model model);
+
+/// The same where the start of every recording is unknown in the states that the file gives a standard
+/// deviation there.
+///
+/// Example:
+///
+///     Model free_run = simulation_model(read_formulas, recordings);
+///     NoiseMlOptions options{.objective = FitObjective::simulation, .progress = {}};
+///     const NoiseEstimate estimate = tune_ml(free_run, recordings, options);
+///
+/// @throws InputError as above, and for a parameter with a prior
+Model simulation_model(Model model, const std::vector<Dataset>& recordings);
+
+/// The recordings with the starts that were found, for what looks at one of them by itself.
+std::vector<Dataset> with_starts(const Model& model, const ParameterSet& at,
+                                 std::vector<Dataset> recordings);
+
+}  // namespace identikal
