@@ -3,10 +3,10 @@
 #include "jobs/quantity.h"
 #include <fmt/format.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/filter/outliers.h"
 #include "identify/filter/pictures.h"
 #include "identify/filter/recordings_check.h"
-#include "identify/estimate/parameter_table.h"
 #include "identify/model/simulation_model.h"
 #include "lib/base/error.h"
 

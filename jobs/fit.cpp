@@ -6,10 +6,9 @@
 #include "jobs/filter_estimation.h"
 #include "jobs/quantity.h"
 #include "jobs/verbs.h"
-
-#include "identify/model/simulation_model.h"
 #include <fmt/format.h>
 
+#include "identify/model/simulation_model.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -105,7 +104,8 @@ Outcome fit(const FitOptions& options, Call& call) {
   }
   if (simulation && (options.reject_outliers || options.robust)) {
     throw InputError({model.source, 0, 0}, "--reject-outliers with --objective simulation",
-                     "one of the two", "errors of a simulation are not white, and look like outliers");
+                     "one of the two",
+                     "errors of a simulation are not white, and look like outliers");
   }
   return is_vehicle(model) ? fit_a_vehicle(options, run, model)
                            : fit_a_filter(options, run, std::move(model));

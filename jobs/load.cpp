@@ -10,10 +10,10 @@
 
 #include "identify/filter/digest_file.h"
 #include "identify/filter/model_filter.h"
-#include "identify/model/simulation_model.h"
 #include "identify/model/model_file.h"
 #include "identify/model/output_conditions.h"
 #include "identify/model/row_selection.h"
+#include "identify/model/simulation_model.h"
 #include "identify/result/file.h"
 #include "identify/result/file_digest.h"
 #include "identify/result/schema.h"

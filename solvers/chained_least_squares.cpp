@@ -25,7 +25,8 @@ void triangularise(MatrixXd& A, Index rows, Index columns) {
     if (below == 0.0) continue;
     const double norm = std::sqrt(column[0] * column[0] + below);
     const double pivot = column[0] > 0.0 ? -norm : norm;
-    const double head = column[0] - pivot;  // v = [head; what is below], H = I - v v' / (-head pivot)
+    const double head =
+        column[0] - pivot;  // v = [head; what is below], H = I - v v' / (-head pivot)
     const double scale = -1.0 / (head * pivot);
     for (Index k = j + 1; k < columns; ++k) {
       auto other = A.col(k).segment(j, rows - j);
@@ -78,7 +79,8 @@ class Elimination {
   }
 
   // The step of the shared unknowns within bounds, and with it that of the states.
-  void solve(const VectorXd& lower, const VectorXd& upper, MatrixXd& states, VectorXd& shared) const {
+  void solve(const VectorXd& lower, const VectorXd& upper, MatrixXd& states,
+             VectorXd& shared) const {
     const Index n = problem_.state, np = problem_.shared;
     shared = bounded(lower, upper);
     VectorXd next = VectorXd::Zero(n);
@@ -273,10 +275,9 @@ class ChainedSearch {
         return false;
       }
       const MatrixXd states = end_.states + ds;
-      const VectorXd shared =
-          (end_.shared + dp).cwiseMax(problem_.lower).cwiseMin(problem_.upper);
-      const bool defined = ds.allFinite() && dp.allFinite() &&
-                           evaluate(states, shared, false, trial_);
+      const VectorXd shared = (end_.shared + dp).cwiseMax(problem_.lower).cwiseMin(problem_.upper);
+      const bool defined =
+          ds.allFinite() && dp.allFinite() && evaluate(states, shared, false, trial_);
       const double there = defined ? sum_of_squares(trial_) : 0.0;
       const double gain = defined ? (sum_ - there) / expected : -1.0;
       if (gain > 1e-4 && evaluate(states, shared, true, links_)) {
@@ -306,8 +307,8 @@ class ChainedSearch {
       end(Termination::stopped, "stopped by the caller");
       return false;
     }
-    if (sum_ == 0.0 || (reduction <= options_.function_tolerance * before &&
-                        damping_ <= kFirstDamping)) {
+    if (sum_ == 0.0 ||
+        (reduction <= options_.function_tolerance * before && damping_ <= kFirstDamping)) {
       end(Termination::converged, "the objective changes no more");
       return false;
     }

@@ -13,9 +13,9 @@ namespace identikal {
 /// Residuals that depend on this link's state, on the next one's, and on what is shared; m of them,
 /// with their derivatives. The last link has no next one: those columns are not read.
 struct ChainLink {
-  Eigen::VectorXd residuals;                              ///< m
-  Eigen::MatrixXd by_state, by_next_state;                ///< m x state
-  Eigen::MatrixXd by_shared;                              ///< m x shared
+  Eigen::VectorXd residuals;                ///< m
+  Eigen::MatrixXd by_state, by_next_state;  ///< m x state
+  Eigen::MatrixXd by_shared;                ///< m x shared
 };
 
 /// minimise 1/2 sum_k ||r_k(s_k, s_(k+1), p)||^2 with lower <= p <= upper: states of a trajectory

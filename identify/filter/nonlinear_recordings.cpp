@@ -200,8 +200,8 @@ NonlinearRecordings::NonlinearRecordings(const Model& model, const std::vector<D
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     const Dataset& recording = recordings[i];
     noise_.push_back(noise_of_recording(as_formulas(model), i));
-    const Integration integration = integration_from(
-        model, model.parameters, recording, written_matrices(noise_[i], model.parameters));
+    const Integration integration = integration_from(model, model.parameters, recording,
+                                                     written_matrices(noise_[i], model.parameters));
     inputs_.push_back(nodes_in(as_formulas(model), recording, integration));
     options_.push_back(filter_options(as_formulas(model), recording));
     steps_.push_back(integration.steps.steps);

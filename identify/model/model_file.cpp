@@ -117,8 +117,7 @@ Model read_model_file(const std::string& path) {
   return parse_model_file(read_yaml_text(path), path);
 }
 
-Model parse_model_file(const std::string& text, const std::string& path,
-                       FormulaReading reading) {
+Model parse_model_file(const std::string& text, const std::string& path, FormulaReading reading) {
   return model_of(parse_with_included(text, path), path, reading);
 }
 

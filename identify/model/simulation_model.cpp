@@ -38,7 +38,8 @@ ParametrisedMatrix unknown_start(Model& model, const StateSpace& written, std::s
     const StateName& state = model.states[static_cast<std::size_t>(i)];
     std::erase_if(out.entries, [&](const auto& entry) { return entry.row == row; });
     std::erase_if(out.formulas, [&](const auto& formula) { return formula.row == row; });
-    const std::string name = state.name + "_start" + (alone ? "" : fmt::format("_{}", recording + 1));
+    const std::string name =
+        state.name + "_start" + (alone ? "" : fmt::format("_{}", recording + 1));
     const int unknown = add_unknown(model.parameters, name, state.unit, written.x0[i], -kInfinity);
     out.constant(i, 0) = 0.0;
     out.entries.push_back({row, 0, unknown, 1.0});

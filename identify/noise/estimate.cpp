@@ -402,7 +402,8 @@ Findings check_innovations(const FilterEstimate& estimate) {
     if (test.pass) continue;
     if (test.id == "input_correlation") out.push_back(input_finding(test));
     if (test.id == "ljung_box" && simulation) out.push_back(coloured_simulation(test));
-    if (test.id == "ljung_box" && !simulation) out.push_back(colour_finding(test, has_errors, can_shape));
+    if (test.id == "ljung_box" && !simulation)
+      out.push_back(colour_finding(test, has_errors, can_shape));
   }
   return out;
 }

@@ -12,13 +12,13 @@
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
+#include "identify/model/simulation_model.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/coloured_errors.h"
 #include "identify/noise/internal/likelihood_errors.h"
 #include "identify/noise/internal/likelihood_intervals.h"
 #include "identify/noise/internal/several_starts.h"
 #include "identify/noise/reference_tuning.h"
-#include "identify/model/simulation_model.h"
 #include "identify/noise/student.h"
 #include "lib/filter/likelihood.h"
 #include "solvers/scoring.h"
@@ -184,10 +184,10 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   objective.starts = static_cast<int>(found.ends.size());
   objective.starts_at_optimum = found.count(SearchEnd::best);
   const bool coloured = options.objective == FitObjective::simulation;
-  const Eigen::MatrixXd scores =
-      coloured ? simulation_scores(model, likelihood.recordings(), end) : Eigen::MatrixXd();
-  const JudgedMaximum judged =
-      judge_maximum(estimate, likelihood, problem, end, best, found.on_circle, scores);
+  const SimulationScore score =
+      coloured ? simulation_score(model, likelihood.recordings(), end) : SimulationScore{};
+  const JudgedMaximum judged = judge_maximum(estimate, likelihood, problem, end, best,
+                                             found.on_circle, coloured ? &score : nullptr);
   report_priors(estimate, end);
   report_evaluation(likelihood.evaluation_taken(), objective);
   append(estimate.findings,
@@ -218,7 +218,8 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
 std::string way_to_simulation(const SeveralStarts& found) {
   if (found.by_path == 0) return "search on simulations alone";
   return fmt::format(
-      "from prediction to simulation: multiple shooting, the states' freedom taken in {} stages, led "
+      "from prediction to simulation: multiple shooting, the states' freedom taken in {} stages, "
+      "led "
       "{} of {} starts to the best",
       found.stages, found.by_path, found.ends.size());
 }

@@ -8,9 +8,9 @@
 #include <fmt/format.h>
 
 #include "identify/model/matrix_reader.h"
+#include "identify/model/simulation_model.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
-#include "identify/model/simulation_model.h"
 #include "lib/data/units.h"
 #include "lib/model/parameter.h"
 

@@ -80,8 +80,8 @@ class SeveralAttempts {
   bool go_on(int start) {
     const std::lock_guard<std::mutex> lock(mutex_);
     const Attempt& attempt = *attempts_[static_cast<std::size_t>(start)];
-    stopped_ = stopped_ ||
-               (options_.progress && !options_.progress(start, attempt.iterations(), attempt.loss()));
+    stopped_ = stopped_ || (options_.progress &&
+                            !options_.progress(start, attempt.iterations(), attempt.loss()));
     return !stopped_;
   }
 
@@ -120,9 +120,9 @@ bool can_be_shot(const Model& model, const std::vector<Dataset>& recordings) {
       !std::all_of(by.begin(), by.end(), has_no_noise_but_of_outputs)) {
     return false;
   }
-  const bool own_starts = std::any_of(recordings.begin(), recordings.end(), [](const Dataset& data) {
-    return data.start_mean.size() > 0;
-  });
+  const bool own_starts =
+      std::any_of(recordings.begin(), recordings.end(),
+                  [](const Dataset& data) { return data.start_mean.size() > 0; });
   return !own_starts && !recordings.empty() && TrajectoryProblem(model, recordings).moves_states();
 }
 

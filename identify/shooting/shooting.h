@@ -12,7 +12,7 @@
 namespace identikal {
 
 struct ShootingOptions {
-  int threads = 1;              ///< starts at a time; 0: as many as there are cores
+  int threads = 1;  ///< starts at a time; 0: as many as there are cores
   /// Called between the steps of a start, from 0, with its iterations and its lowest loss so far, by
   /// one thread at a time; return false to end with what there is. Empty: none.
   std::function<bool(int start, int iterations, double loss)> progress;
@@ -20,7 +20,8 @@ struct ShootingOptions {
 
 /// One stage of a path of multiple shooting: how free the states were, and what errors that left.
 struct ShootingStage {
-  double freedom = 0.0;  ///< by what part of its range disturbances would drive a state over a recording
+  double freedom =
+      0.0;  ///< by what part of its range disturbances would drive a state over a recording
   double rms = 0.0;        ///< of the outputs' errors, as a part of their standard deviation
   double simulated = 0.0;  ///< the same of a simulation from there; infinite where it diverges
 };

@@ -13,15 +13,16 @@ namespace identikal {
 struct SimulationSlopes {
   std::vector<Eigen::Index> unknowns;  ///< coordinates of the parameters that move the outputs
   Eigen::MatrixXd errors;              ///< ny x N, SI: y - h of all recordings, NaN = missing
-  std::vector<Eigen::MatrixXd> slopes;  ///< per output, N x unknowns: d error / d unknown; 0 where missing
+  std::vector<Eigen::MatrixXd>
+      slopes;  ///< per output, N x unknowns: d error / d unknown; 0 where missing
 };
 
 /// By the linearised equations along the simulation, integrated to 1e-9 of a state's range.
 ///
 /// Example:
 ///
-///     const auto [unknowns, errors, slopes] = simulation_slopes(model, recordings, estimated);
-///     const Eigen::MatrixXd information = slopes[0].transpose() * slopes[0] / variance;
+///     const auto [unknowns, errors, slopes] = simulation_slopes(model, recordings, model.parameters);
+///     const Eigen::MatrixXd information = slopes[0].transpose() * slopes[0];
 ///
 /// @param model  one that can_be_shot() (shooting.h)
 /// @return without errors where the simulation does not stay finite

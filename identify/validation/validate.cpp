@@ -223,7 +223,8 @@ Validation validate_filter(const ResultSections& validated, const Model& written
   const std::vector<FilterResult> filters = report_filter(out, model, model.parameters, recordings);
   if (result.objective.method == kSimulationMethod) {
     out.notes.emplace_back(
-        "the start of each recording is what its own outputs make likeliest; nothing else is refitted");
+        "the start of each recording is what its own outputs make likeliest; nothing else is "
+        "refitted");
     return out;
   }
   test_unseen(result, model, recordings, filters, out);
@@ -497,7 +498,8 @@ Validation validate(const ResultSections& result, const Model& model,
   } else if (simulated) {
     append(out.findings, check_fits(fits, std::vector<double>(fits.size(), kPoorFit)));
     append(out.findings, circumstances);
-    conclude(out, "it holds on these data: the simulation explains half of every output", Basis::tests);
+    conclude(out, "it holds on these data: the simulation explains half of every output",
+             Basis::tests);
   } else {
     append(out.findings, check_tests(out.tests));
     append(out.findings, circumstances);

@@ -129,8 +129,8 @@ class Followed {
       return {MatrixXd::Identity(nx, nx), VectorXd::Zero(nx), MatrixXd::Zero(nx, nx)};
     }
     // Controlled steps integrate no noise, and need none to where there is none.
-    const bool density = model_.continuous && options_.noise == ProcessNoise::density &&
-                         !noise_.Q.isZero(0.0);
+    const bool density =
+        model_.continuous && options_.noise == ProcessNoise::density && !noise_.Q.isZero(0.0);
     x_ = filter_.x_filt.col(t);
     step(model_, memory_, inputs_, t, x_, jacobian_, Derivatives::first,
          density ? &gramians_ : nullptr);

@@ -10,14 +10,19 @@
 
 namespace identikal {
 
-/// Gradients of the samples' log-likelihoods by the free entries, of a simulation whose errors are
-/// N(0, R):
-///
-///   s_t = sum_j -e_tj/R_j de_tj/dtheta + (e_tj^2/R_j - 1)/(2 R_j) dR_j/dtheta
-///
-/// @return entries x samples of all recordings; empty where there is no simulation
-Eigen::MatrixXd simulation_scores(const Model& model, const std::vector<Dataset>& recordings,
-                                  const ParameterSet& at);
+/// How the score of a simulation scatters whose errors e are N(0, R) to the likelihood, and coloured.
+struct SimulationScore {
+  /// Gradients of the samples' log-likelihoods by the free entries, entries x samples:
+  ///   s_t = sum_j -e_tj/R_j de_tj/dtheta + (e_tj^2/R_j - 1)/(2 R_j) dR_j/dtheta
+  /// Empty where there is no simulation.
+  Eigen::MatrixXd by_sample;
+  /// Covariance of their sum where e follows the autoregression of its own samples:
+  ///   sum_(s,t) M_s' E(e_s e_t') M_t,  M_t = R^-1 de_t/dtheta
+  /// entries x entries; zero for what moves no output.
+  Eigen::MatrixXd by_autoregression;
+};
+SimulationScore simulation_score(const Model& model, const std::vector<Dataset>& recordings,
+                                 const ParameterSet& at);
 
 struct ColouredCovariance {
   Eigen::MatrixXd covariance;
@@ -25,10 +30,11 @@ struct ColouredCovariance {
   double freedom = 0.0;        ///< of Student's t that goes with it: it is itself an estimate
 };
 
-/// white S white with S the long-run covariance of the scores; no variance below that of `white`
-/// (identify/vehicle/covariance.h has the same for vehicles).
-/// @param white   inverse of the information
-/// @param scores  as many rows as `white`
-ColouredCovariance coloured_covariance(const Eigen::MatrixXd& white, const Eigen::MatrixXd& scores);
+/// white S white with S the long-run covariance of the scores, widened to no variance below that by
+/// the autoregression, nor below that of `white`.
+/// @param white  inverse of the information
+/// @param by     the entries' derivatives by what `white` is of
+ColouredCovariance coloured_covariance(const Eigen::MatrixXd& white, const SimulationScore& score,
+                                       const Eigen::MatrixXd& by);
 
 }  // namespace identikal

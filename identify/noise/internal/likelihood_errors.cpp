@@ -89,7 +89,7 @@ MatrixXd information_of_entries(const MatrixXd& by, const MatrixXd& information,
 JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
                             const LikelihoodProblem& problem, const ParameterSet& end,
                             const VectorXd& best, const std::vector<RootsOnCircle>& polynomials,
-                            const MatrixXd& scores) {
+                            const SimulationScore* score) {
   const Likelihood* result = likelihood.evaluate(end, true);
   if (result == nullptr) return {};
   const MatrixXd all = result->information;
@@ -129,17 +129,18 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
     covariance = inverse_of_determined(information);
   }
   double quantile = normal_quantile(0.975);
-  if (scores.size() > 0 && bound) {
-    const ColouredCovariance coloured = coloured_covariance(covariance, by.transpose() * scores);
+  const bool coloured_errors = score != nullptr && score->by_sample.size() > 0;
+  if (coloured_errors && bound) {
+    const ColouredCovariance coloured = coloured_covariance(covariance, *score, by);
     covariance = coloured.covariance;
     estimate.covariance_freedom = coloured.freedom;
     quantile = student_t_quantile(0.975, coloured.freedom);
-    estimate.covariance_kind += fmt::format(", errors correlated over {} samples allowed for",
-                                            coloured.bandwidth);
+    estimate.covariance_kind +=
+        fmt::format(", errors correlated over {} samples allowed for", coloured.bandwidth);
   }
   judge_parameters(estimate, information_of_entries(in_units, information, of_entries(covariance)),
                    of_entries(covariance), quantile);
-  if (!bound || scores.size() > 0) return out;
+  if (!bound || coloured_errors) return out;
   const MatrixXd products = likelihood.score_products(end);
   if (products.size() > 0) {
     const MatrixXd sandwich =

@@ -5,6 +5,7 @@
 
 #include "identify/estimate/estimate.h"
 #include "identify/filter/recordings_likelihood.h"
+#include "identify/noise/internal/coloured_errors.h"
 #include "identify/noise/internal/covariance_factors.h"
 #include "identify/noise/internal/root_coordinates.h"
 
@@ -25,12 +26,12 @@ struct JudgedMaximum {
 /// free (identify/noise/internal/free_directions.h).
 /// @param best  where the search ended, in the coordinates of `problem`, which are the likelihood's
 /// @param polynomials  there, with roots on the unit circle
-/// @param scores  of a simulation with coloured errors, entries x samples (coloured_errors.h): the
-///   errors allow for them. Empty: those of white innovations
+/// @param score  of a simulation whose errors are coloured (coloured_errors.h): standard errors allow
+///   for that. Null: those of white innovations
 JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
                             const LikelihoodProblem& problem, const ParameterSet& end,
                             const Eigen::VectorXd& best,
                             const std::vector<RootsOnCircle>& polynomials,
-                            const Eigen::MatrixXd& scores);
+                            const SimulationScore* score = nullptr);
 
 }  // namespace identikal

@@ -12,7 +12,7 @@
 namespace identikal {
 namespace {
 
-constexpr int kCandidates = 30;  // of each start but the first
+constexpr int kCandidates = 30;      // of each start but the first
 constexpr double kFarBehind = 10.0;  // log-likelihood: from there no search comes to the best
 
 // The file's values; and of every other start, places scattered about them.
@@ -52,9 +52,8 @@ std::optional<ShotStarts> shot_starts(const RecordingsLikelihood& likelihood,
     out.stopped = options.progress && !options.progress(start + 1, iterations, L);
     return !out.stopped;
   };
-  const std::vector<ShootingEnd> ends =
-      shoot(model, likelihood.recordings(), candidates_about(parameters, starts, options.seed),
-            shooting);
+  const std::vector<ShootingEnd> ends = shoot(
+      model, likelihood.recordings(), candidates_about(parameters, starts, options.seed), shooting);
   const std::size_t best = lowest(ends);
   if (!std::isfinite(ends[best].loss)) return std::nullopt;
   const auto add_place = [&](std::size_t i) {

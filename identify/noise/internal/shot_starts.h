@@ -18,7 +18,7 @@ struct ShotStarts {
   int by_path = 0;                      ///< starts that multiple shooting has led to the best place
   std::size_t stages = 0;               ///< of its path there, of the first of them
   int iterations = 0, evaluations = 0;
-  bool stopped = false;                 ///< by the caller
+  bool stopped = false;  ///< by the caller
 };
 
 /// What shoot() (identify/shooting/shooting.h) makes of the file's values and of others: each start the

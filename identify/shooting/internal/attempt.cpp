@@ -14,15 +14,17 @@ using Eigen::VectorXd;
 
 constexpr double kFreest = 1.0, kStiffest = 1e-8;   // freedom of the states
 constexpr double kTightened = 0.31622776601683794;  // from stage to stage
-constexpr double kLoosened = 1e3;                     // once, where steps of the integration become exact
+constexpr double kLoosened = 1e3;  // once, where steps of the integration become exact
 constexpr int kStageIterations = 25, kSearchIterations = 60, kGrids = 5;
 constexpr double kStageSettled = 1e-3, kSearchSettled = 1e-6;  // reductions that none goes on for
-constexpr double kFollows = 1.1;  // a simulation does as well with this many times a stage's squares
-constexpr double kFinest = 1e-3;  // of what an output scatters by: errors below do not count as less
+constexpr double kFollows =
+    1.1;  // a simulation does as well with this many times a stage's squares
+constexpr double kFinest =
+    1e-3;  // of what an output scatters by: errors below do not count as less
 constexpr double kCoarse = 1e-3, kFine = 1e-4, kExact = 1e-9;  // integration, of a state's scale
 constexpr double kSettledLoss = 0.05;
 constexpr double kSameErrors = 5e-3;  // relative: what integration may change
-constexpr double kSamePlace = 1e-3;  // relative
+constexpr double kSamePlace = 1e-3;   // relative
 
 VectorXd deviations(const MatrixXd& values) {
   const VectorXd mean = values.rowwise().mean();

@@ -57,7 +57,7 @@ class Attempt {
   std::vector<Eigen::VectorXd> candidates_;
   ParameterSet parameters_;
   Eigen::VectorXd deviation_, finest_;  // of outputs: what they scatter by, and the least error
-  double values_ = 0.0;  // measured
+  double values_ = 0.0;                 // measured
   int iterations_ = 0, evaluations_ = 0;
   // The lowest simulation so far.
   Eigen::VectorXd p_;

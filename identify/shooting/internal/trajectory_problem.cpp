@@ -14,10 +14,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kMostDoublings = 6;   // of the steps between two samples
+constexpr int kMostDoublings = 6;  // of the steps between two samples
 constexpr int kJumpDoublings = 3;
-constexpr double kJump = 1e-2;       // of a state's scale
-constexpr double kControlled = 1e-5; // tolerance of implicit steps
+constexpr double kJump = 1e-2;        // of a state's scale
+constexpr double kControlled = 1e-5;  // tolerance of implicit steps
 
 VectorXd formula_values(const NonlinearModel& equations, const ParameterSet& at) {
   VectorXd out(equations.parameters);
@@ -181,9 +181,8 @@ MatrixXd TrajectoryProblem::filtered_states(const VectorXd& p, const VectorXd& s
   options.wraps = model.wraps;
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
     VectorXd last = noise.x0 = x0_.col(static_cast<Index>(r));
-    const FilterResult filter =
-        nonlinear_filter(equations(), formula_values(equations(), at_), noise, nodes_[r],
-                         recordings_[r].y, options);
+    const FilterResult filter = nonlinear_filter(equations(), formula_values(equations(), at_),
+                                                 noise, nodes_[r], recordings_[r].y, options);
     for (Index k = 0; k < recordings_[r].size(); ++k) {
       const bool seen = k < filter.x_filt.cols() && filter.x_filt.col(k).allFinite();
       if (seen) last = filter.x_filt.col(k);
@@ -245,7 +244,8 @@ bool TrajectoryProblem::write_link(std::size_t recording, Index sample, const Ma
   }
   const auto copy_columns = [&](const MatrixXd& from, Index of, Index row, double factor) {
     for (std::size_t j = 0; j < column_.size(); ++j) {
-      if (column_[j] >= 0) link.by_shared(row, static_cast<Index>(j)) = factor * from(of, column_[j]);
+      if (column_[j] >= 0)
+        link.by_shared(row, static_cast<Index>(j)) = factor * from(of, column_[j]);
     }
   };
   if (with_derivatives) {
@@ -272,8 +272,7 @@ bool TrajectoryProblem::write_link(std::size_t recording, Index sample, const Ma
   }
   if (is_first) {
     for (Index i = 0; i < nx; ++i, ++row) {
-      link.residuals[row] =
-          (x0_(i, static_cast<Index>(recording)) - states(i, at)) / step_sd[i];
+      link.residuals[row] = (x0_(i, static_cast<Index>(recording)) - states(i, at)) / step_sd[i];
       if (!with_derivatives) continue;
       link.by_state(row, i) = -1.0 / step_sd[i];
       link.by_shared.row(row) = x0_by_unknowns_[recording].row(i) / step_sd[i];
@@ -336,22 +335,27 @@ bool TrajectoryProblem::write_simulation(const VectorXd& p, bool with_derivative
         step(equations(), memory_, nodes_[r], k, x, motion_);
         by = (motion_.wrt_x * by).eval();
         for (Index j = 0; j < np; ++j) {
-          if (column_[static_cast<std::size_t>(j)] >= 0) by.col(j) += motion_.wrt_p.col(column_[static_cast<std::size_t>(j)]);
+          if (column_[static_cast<std::size_t>(j)] >= 0)
+            by.col(j) += motion_.wrt_p.col(column_[static_cast<std::size_t>(j)]);
         }
       } else {
         step(equations(), memory_, nodes_[r], k, x);
       }
     }
-    if (!link.residuals.allFinite() || (with_derivatives && !link.by_shared.allFinite())) return false;
+    if (!link.residuals.allFinite() || (with_derivatives && !link.by_shared.allFinite()))
+      return false;
   }
   return true;
 }
 
-Index TrajectoryProblem::write_outputs(std::size_t recording, Index sample, const VectorXd& x, bool with_derivatives, const MatrixXd& by, Index row, ChainLink& link) {
+Index TrajectoryProblem::write_outputs(std::size_t recording, Index sample, const VectorXd& x,
+                                       bool with_derivatives, const MatrixXd& by, Index row,
+                                       ChainLink& link) {
   const Dataset& data = recordings_[recording];
   const InputNodes& nodes = nodes_[recording];
   if (with_derivatives) {
-    observe(equations(), memory_, x, nodes.at_sample.col(sample), nodes.time[sample], predicted_, output_);
+    observe(equations(), memory_, x, nodes.at_sample.col(sample), nodes.time[sample], predicted_,
+            output_);
   } else {
     observe(equations(), memory_, x, nodes.at_sample.col(sample), nodes.time[sample], predicted_);
   }
@@ -366,7 +370,8 @@ Index TrajectoryProblem::write_outputs(std::size_t recording, Index sample, cons
     if (with_derivatives) {
       link.by_shared.row(row) = -weight * output_.wrt_x.row(i) * by;
       for (std::size_t j = 0; j < column_.size(); ++j) {
-        if (column_[j] >= 0) link.by_shared(row, static_cast<Index>(j)) -= weight * output_.wrt_p(i, column_[j]);
+        if (column_[j] >= 0)
+          link.by_shared(row, static_cast<Index>(j)) -= weight * output_.wrt_p(i, column_[j]);
       }
     }
     ++row;

@@ -40,7 +40,8 @@ class TrajectoryProblem {
   ParameterSet with_values(const ParameterSet& parameters, const Eigen::VectorXd& p) const;
 
   Eigen::VectorXd output_sd;  ///< ny, SI
-  Eigen::VectorXd step_sd;    ///< nx, SI: from a sample to the next, where those are as far apart as on average
+  Eigen::VectorXd
+      step_sd;  ///< nx, SI: from a sample to the next, where those are as far apart as on average
 
   /// As many steps of the integration as the motion from each of these states needs, to `tolerance`
   /// of `scale`, or where it has a jump a few; implicit ones where that is too many.
