@@ -50,12 +50,11 @@ struct ChainedSolution {
 ///
 /// Example:
 ///
-///     const ChainedSolution line = solve(ChainedLeastSquares{2, 1, 1, [](const auto& s,
-///       const auto& p, bool, auto& r) {  // s_1 = 0, s_2 = s_1 + p, s_2 = 3
-///         r[0] = {Eigen::Vector2d{s(0), s(0) + p[0] - s(1)}, Eigen::Vector2d{1, 1},
-///                 Eigen::Vector2d{0, -1}, Eigen::Vector2d{0, 1}};
-///         r[1] = {Eigen::VectorXd{{s(1) - 3}}, Eigen::MatrixXd{{1}}, {}, Eigen::MatrixXd{{0}}};
-///         return true; }, Eigen::VectorXd{{-9}}, Eigen::VectorXd{{9}}}, {{1, 1}}, {{1}});
+///     const ChainedSolution line = solve(ChainedLeastSquares{1, 1, 1, [](const auto& s,
+///         const auto& p, bool, auto& r) {  // s = p and s + p = 4
+///       return r[0] = {Eigen::Vector2d{s(0) - p[0], s(0) + p[0] - 4.0}, Eigen::Vector2d{1.0, 1.0},
+///         {}, Eigen::Vector2d{-1.0, 1.0}}, true; }, Eigen::VectorXd{{-9.0}}, Eigen::VectorXd{{9.0}}},
+///       Eigen::MatrixXd::Ones(1, 1), Eigen::VectorXd::Ones(1));
 ///
 /// @param states  state x links, where to begin
 /// @throws std::invalid_argument when sizes disagree or the start lies outside the bounds

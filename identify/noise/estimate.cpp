@@ -17,6 +17,7 @@
 #include "identify/noise/internal/sampling_test.h"
 #include "lib/base/median.h"
 #include "lib/filter/information.h"
+#include "lib/statistics/autoregression.h"
 #include "lib/statistics/normality.h"
 #include "lib/statistics/whiteness.h"
 
@@ -363,7 +364,22 @@ Finding input_finding(const TestResult& test) {
           "a missing mode, a delay, a wrong gain or sign of an input; the page shows at which lag"};
 }
 
-Finding coloured_simulation(const TestResult& test) {
+// As many independent errors as standard errors of a simulation ask for.
+constexpr double kEnoughErrors = 30.0;
+
+Finding coloured_simulation(const TestResult& test, double independent) {
+  if (independent < kEnoughErrors) {
+    return {
+        FindingCode::coloured_innovations,
+        Severity::serious,
+        {test.channel},
+        fmt::format("the errors of the simulation of '{}' are correlated for so long that they "
+                    "tell no more than {:.2g} independent ones ({:.0f} are needed): how far the "
+                    "values are off cannot be told, and the standard errors are too small",
+                    test.channel, independent, kEnoughErrors),
+        "record for longer; or no --objective: a filter tells noise that moves the states from "
+        "what the parameters do"};
+  }
   return {FindingCode::coloured_innovations,
           Severity::note,
           {test.channel},
@@ -371,6 +387,13 @@ Finding coloured_simulation(const TestResult& test) {
                       "for that",
                       test.channel, size_of(test, "their own last values")),
           "noise in the model, and no --objective, where the next sample is to be predicted"};
+}
+
+double independent_errors(const FilterEstimate& estimate, const std::string& channel) {
+  const std::vector<std::string>& channels = estimate.series.channels;
+  const auto at = std::find(channels.begin(), channels.end(), channel) - channels.begin();
+  if (at == static_cast<Index>(channels.size())) return 0.0;
+  return independent_samples(estimate.series.standardised.row(at).transpose());
 }
 
 Finding colour_finding(const TestResult& test, bool has_errors, bool can_shape) {
@@ -401,7 +424,9 @@ Findings check_innovations(const FilterEstimate& estimate) {
   for (const TestResult& test : estimate.tests) {
     if (test.pass) continue;
     if (test.id == "input_correlation") out.push_back(input_finding(test));
-    if (test.id == "ljung_box" && simulation) out.push_back(coloured_simulation(test));
+    if (test.id == "ljung_box" && simulation) {
+      out.push_back(coloured_simulation(test, independent_errors(estimate, test.channel)));
+    }
     if (test.id == "ljung_box" && !simulation)
       out.push_back(colour_finding(test, has_errors, can_shape));
   }

@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 
 #include "lib/base/constants.h"
+#include "lib/statistics/autocorrelation.h"
 
 namespace identikal {
 namespace {
@@ -104,6 +105,35 @@ Eigen::VectorXd share_explained_by_past(const Autoregressions& models, Eigen::In
   const double by_chance = static_cast<double>(order * all.size()) /
                            static_cast<double>(std::max<Eigen::Index>(samples, 1));
   return (1.0 - left.array() / all.array() - by_chance).cwiseMax(0.0).matrix();
+}
+
+double independent_samples(const Eigen::Ref<const Eigen::VectorXd>& e) {
+  constexpr Eigen::Index kHighestOrder = 20;
+  const Eigen::Index N = e.size(), samples = (e.array() == e.array()).count();
+  const Eigen::Index order = std::min(kHighestOrder, N / 10);
+  if (samples < 3 || order < 1) return 0.0;
+  const Autocovariances Y = sample_autocovariances(e.transpose(), order + 1, Divisor::samples);
+  for (const Eigen::MatrixXd& each : Y) {
+    if (!each.allFinite()) return 0.0;
+  }
+  const Autoregressions models = yule_walker(Y);
+  if (models.S.empty()) return 0.0;
+  const auto chosen =
+      static_cast<std::size_t>(autoregressive_order(models, samples, Penalty::aic).order);
+  const std::vector<Eigen::MatrixXd>& A = models.A[chosen];
+  std::vector<double> rho = {1.0};
+  double sum = 0.0;
+  for (std::size_t k = 1; k < static_cast<std::size_t>(N); ++k) {
+    double next = 0.0;
+    if (k <= chosen) {
+      next = Y[k](0, 0) / Y[0](0, 0);
+    } else {
+      for (std::size_t j = 0; j < chosen; ++j) next += A[j](0, 0) * rho[k - 1 - j];
+    }
+    rho.push_back(next);
+    sum += next * next;
+  }
+  return static_cast<double>(samples) / (1.0 + 2.0 * sum);
 }
 
 }  // namespace identikal

@@ -38,6 +38,17 @@ Autoregressions yule_walker(const Autocovariances& Y);
 /// @return per channel, of the highest order; empty without an order
 Eigen::VectorXd share_explained_by_past(const Autoregressions& models, Eigen::Index samples);
 
+/// How many independent samples tell as much of a correlation as these do,
+///
+///   N / (1 + 2 sum_k rho_k^2)                                          (Bartlett 1946)
+///
+/// with rho_k, k = 1 .. N - 1, the autocorrelations of the autoregression that AIC chooses, of order 20
+/// at most.
+///
+/// @param e  N, NaN = missing
+/// @return 0 where e is zero or there are no pairs
+double independent_samples(const Eigen::Ref<const Eigen::VectorXd>& e);
+
 /// g(N) of (3.17), per order, in multiples of l^2.
 enum class Penalty {
   aic,  ///< 2

@@ -98,5 +98,21 @@ TEST(Autoregression, ShareThatThePastExplains) {
   EXPECT_EQ(share_explained_by_past({}, kSamples).size(), 0);
 }
 
+// Of x(t+1) = a x(t) + w: 1 + 2 a^2 / (1 - a^2) samples to one, 9.5 with a = 0.9. Over 20,000 samples the
+// estimate scatters by some 3 %; of white noise nothing is lost but chance.
+TEST(IndependentSamples, AreThoseOfAFirstOrderAutoregression) {
+  Random random(3);
+  Eigen::VectorXd white(20000), slow(20000);
+  double x = 0.0;
+  for (Eigen::Index t = 0; t < white.size(); ++t) {
+    x = 0.9 * x + random.normal();
+    white[t] = random.normal();
+    slow[t] = x;
+  }
+  EXPECT_NEAR(independent_samples(white), 20000.0, 200.0);
+  EXPECT_NEAR(independent_samples(slow), 20000.0 / (1.0 + 2.0 * 0.81 / 0.19), 300.0);
+  EXPECT_EQ(independent_samples(Eigen::VectorXd::Zero(50)), 0.0);
+}
+
 }  // namespace
 }  // namespace identikal
