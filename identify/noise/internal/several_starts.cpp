@@ -32,6 +32,7 @@ constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search 
 constexpr int kDoubted = 5;            // starts where there is a doubt
 constexpr int kSearchRounds = 4;       // of looking around the best
 constexpr int kApproach = 500;         // iterations towards a simulation's least squares
+constexpr int kFromShot = 60;          // the same from where multiple shooting has found them
 constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
 struct Point {
@@ -116,8 +117,9 @@ struct Search {
 class Searches {
  public:
   Searches(const Model& model, const FactorCoordinates& factors, const NoiseMlOptions& options,
-           std::vector<VectorXd> starts, double samples)
+           std::vector<VectorXd> starts, double samples, bool shot)
       : options_(options),
+        most_(shot ? kFromShot : kApproach),
         starts_(std::move(starts)),
         scales_(noise_scales(model)),
         roots_(model, factors),
@@ -128,6 +130,7 @@ class Searches {
   Search run(const LikelihoodProblem& problem, int start, const std::optional<Point>& known) {
     Search out;
     SolverOptions solver = search_options();
+    solver.max_iterations = std::min(solver.max_iterations, most_);
     if (options_.iterations > 0) solver.max_iterations = options_.iterations;
     solver.progress = [&](int iteration, double L) {
       out.path.push_back(L);
@@ -241,7 +244,7 @@ class Searches {
   SolverSummary approached(const LikelihoodProblem& problem, const VectorXd& from,
                            SolverOptions solver, Solution& solution) const {
     ProfiledLikelihood profiled(problem, *scales_, from);
-    solver.max_iterations = kApproach;
+    solver.max_iterations = most_;
     solver.decrement_tolerance = kPlateau;
     solution = maximise_from_afar(profiled.problem(), profiled.start(), samples_, solver);
     solution.x = profiled.all(solution.x);
@@ -249,6 +252,7 @@ class Searches {
   }
 
   const NoiseMlOptions& options_;
+  const int most_;  // iterations of an approach
   std::vector<VectorXd> starts_;
   std::optional<NoiseScales> scales_;  // of the noise of a simulation, if it is one
   RootCoordinates roots_;
@@ -347,7 +351,7 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
       shot_starts(likelihood, parameters, factors, most, options);
   Searches searches(likelihood.model(), factors, options,
                     shot ? shot->places : places_to_start(parameters, factors, most, options.seed),
-                    likelihood.samples());
+                    likelihood.samples(), shot.has_value());
   std::vector<Search> all;
   all.push_back(searches.run(problem, 0, std::nullopt));
   const bool alone =
@@ -417,7 +421,8 @@ void search_again(SeveralStarts& found, RecordingsLikelihood& likelihood,
                   const FactorCoordinates& factors, const NoiseMlOptions& options) {
   const LikelihoodProblem by_entries = likelihood.problem();
   const LikelihoodProblem problem = factors.problem(by_entries);
-  Searches searches(likelihood.model(), factors, options, {found.best.x}, likelihood.samples());
+  Searches searches(likelihood.model(), factors, options, {found.best.x}, likelihood.samples(),
+                    found.shot);
   const Search again = searches.run(problem, 0, std::nullopt);
   const double gain = again.solution.summary.objective - found.best.summary.objective;
   found.iterations += again.solution.summary.iterations;

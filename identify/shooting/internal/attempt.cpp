@@ -17,6 +17,7 @@ constexpr double kTightened = 0.31622776601683794;  // from stage to stage
 constexpr double kLoosened = 1e3;  // once, where steps of the integration become exact
 constexpr int kStageIterations = 25, kSearchIterations = 60, kGrids = 5;
 constexpr double kStageSettled = 1e-3, kSearchSettled = 1e-6;  // reductions that none goes on for
+constexpr double kLost = 0.9;  // of what outputs scatter by: such errors of a trajectory
 constexpr double kFollows =
     1.1;  // a simulation does as well with this many times a stage's squares
 constexpr double kFinest =
@@ -232,7 +233,8 @@ bool Attempt::next_stage() {
   scale_ = scale_of(trajectory_.states);
   problem_.choose_steps(p, trajectory_.states, scale_, tolerance_);
   freedom_ *= kTightened;
-  return freedom_ > kStiffest;
+  // A trajectory that no longer follows what was measured leads nowhere.
+  return freedom_ > kStiffest && path_.back().rms < kLost;
 }
 
 // Does a simulation with these parameters do as well as the stage?
