@@ -67,6 +67,8 @@ TrajectoryProblem::TrajectoryProblem(const Model& model, const std::vector<Datas
   step_sd = VectorXd::Ones(equations().states);
   moved_.resize(equations().states);
   predicted_.resize(equations().outputs);
+  weight_.resize(equations().outputs);
+  error_.resize(equations().outputs);
 }
 
 VectorXd TrajectoryProblem::values_in(const ParameterSet& parameters) const {
@@ -210,31 +212,80 @@ void TrajectoryProblem::output_errors(const VectorXd& p, const MatrixXd& states,
                                       VectorXd& counts) {
   set_parameters_to(p);
   squares = counts = VectorXd::Zero(equations().outputs);
-  const std::vector<bool>& wraps = as_formulas(model_).wraps;
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
-    const Dataset& data = recordings_[r];
-    for (Index k = 0; k < data.size(); ++k) {
-      observe(equations(), memory_, states.col(first_[r] + k), nodes_[r].at_sample.col(k),
-              nodes_[r].time[k], predicted_);
+    for (Index k = 0; k < recordings_[r].size(); ++k) {
+      look_at(r, k, states.col(first_[r] + k), false);
       for (Index i = 0; i < squares.size(); ++i) {
-        if (std::isnan(data.y(i, k))) continue;
-        double e = data.y(i, k) - predicted_[i];
-        if (!wraps.empty() && wraps[static_cast<std::size_t>(i)]) e = nearest_turn(e);
-        squares[i] += e * e;
+        if (weight_[i] == 0.0) continue;
+        squares[i] += std::pow(error_[i] / weight_[i], 2);
         counts[i] += 1.0;
       }
     }
   }
 }
 
+// Of what was measured at a sample: y - h over its standard deviation, and one over that; 0 where
+// nothing was.
+void TrajectoryProblem::look_at(std::size_t recording, Index sample,
+                                const Eigen::Ref<const VectorXd>& x, bool with_derivatives) {
+  const Dataset& data = recordings_[recording];
+  const auto u = nodes_[recording].at_sample.col(sample);
+  const double time = nodes_[recording].time[sample];
+  if (with_derivatives) {
+    observe(equations(), memory_, x, u, time, predicted_, output_);
+  } else {
+    observe(equations(), memory_, x, u, time, predicted_);
+  }
+  const std::vector<bool>& wraps = as_formulas(model_).wraps;
+  for (Index i = 0; i < predicted_.size(); ++i) {
+    const bool measured = !std::isnan(data.y(i, sample));
+    const double scale = data.noise_scale.size() > 0 ? data.noise_scale(i, sample) : 1.0;
+    weight_[i] = measured ? 1.0 / (scale * output_sd[i]) : 0.0;
+    double e = measured ? data.y(i, sample) - predicted_[i] : 0.0;
+    if (!wraps.empty() && wraps[static_cast<std::size_t>(i)]) e = nearest_turn(e);
+    error_[i] = weight_[i] * e;
+  }
+}
+
+// Derivatives by the unknowns that stand in the formulas, one row of them times a factor.
+void TrajectoryProblem::add_columns(const MatrixXd& from, Index of, double factor, MatrixXd& to,
+                                    Index row) const {
+  for (std::size_t j = 0; j < column_.size(); ++j) {
+    if (column_[j] >= 0) to(row, static_cast<Index>(j)) += factor * from(of, column_[j]);
+  }
+}
+
+// From the sample to the next. @return the row behind
+Index TrajectoryProblem::write_motion(std::size_t recording, Index sample, const MatrixXd& states,
+                                      bool with_derivatives, Index row, ChainLink& link) {
+  const Dataset& data = recordings_[recording];
+  const Index at = first_[recording] + sample;
+  moved_ = states.col(at);
+  if (with_derivatives) {
+    step(equations(), memory_, nodes_[recording], sample, moved_, motion_);
+  } else {
+    step(equations(), memory_, nodes_[recording], sample, moved_);
+  }
+  const double average = (data.time[data.size() - 1] - data.time[0]) / double(data.size() - 1);
+  const double longer = std::sqrt((data.time[sample + 1] - data.time[sample]) / average);
+  for (Index i = 0; i < moved_.size(); ++i, ++row) {
+    const double weight = 1.0 / (step_sd[i] * longer);
+    link.residuals[row] = weight * (moved_[i] - states(i, at + 1));
+    if (!with_derivatives) continue;
+    link.by_state.row(row) = weight * motion_.wrt_x.row(i);
+    link.by_next_state(row, i) = -weight;
+    add_columns(motion_.wrt_p, i, weight, link.by_shared, row);
+  }
+  return row;
+}
+
 bool TrajectoryProblem::write_link(std::size_t recording, Index sample, const MatrixXd& states,
                                    bool with_derivatives, ChainLink& link) {
-  const Dataset& data = recordings_[recording];
-  const InputNodes& nodes = nodes_[recording];
-  const Index nx = equations().states, ny = equations().outputs;
-  const Index np = static_cast<Index>(unknowns_.size()), at = first_[recording] + sample;
-  const bool is_first = sample == 0, is_last = sample + 1 == data.size();
-  const auto measured = (data.y.col(sample).array() == data.y.col(sample).array()).count();
+  const Index nx = equations().states, np = static_cast<Index>(unknowns_.size());
+  const Index at = first_[recording] + sample;
+  const bool is_first = sample == 0, is_last = sample + 1 == recordings_[recording].size();
+  look_at(recording, sample, states.col(at), with_derivatives);
+  const Index measured = (weight_.array() > 0.0).count();
   const Index rows = measured + (is_first ? nx : 0) + (is_last ? 0 : nx);
   link.residuals.resize(rows);
   if (with_derivatives) {
@@ -242,60 +293,23 @@ bool TrajectoryProblem::write_link(std::size_t recording, Index sample, const Ma
     link.by_next_state.setZero(rows, nx);
     link.by_shared.setZero(rows, np);
   }
-  const auto copy_columns = [&](const MatrixXd& from, Index of, Index row, double factor) {
-    for (std::size_t j = 0; j < column_.size(); ++j) {
-      if (column_[j] >= 0)
-        link.by_shared(row, static_cast<Index>(j)) = factor * from(of, column_[j]);
-    }
-  };
-  if (with_derivatives) {
-    observe(equations(), memory_, states.col(at), nodes.at_sample.col(sample), nodes.time[sample],
-            predicted_, output_);
-  } else {
-    observe(equations(), memory_, states.col(at), nodes.at_sample.col(sample), nodes.time[sample],
-            predicted_);
-  }
-  const std::vector<bool>& wraps = as_formulas(model_).wraps;
   Index row = 0;
-  for (Index i = 0; i < ny; ++i) {
-    if (std::isnan(data.y(i, sample))) continue;
-    double e = data.y(i, sample) - predicted_[i];
-    if (!wraps.empty() && wraps[static_cast<std::size_t>(i)]) e = nearest_turn(e);
-    const double scale = data.noise_scale.size() > 0 ? data.noise_scale(i, sample) : 1.0;
-    const double weight = 1.0 / (scale * output_sd[i]);
-    link.residuals[row] = weight * e;
+  for (Index i = 0; i < weight_.size(); ++i) {
+    if (weight_[i] == 0.0) continue;
+    link.residuals[row] = error_[i];
     if (with_derivatives) {
-      link.by_state.row(row) = -weight * output_.wrt_x.row(i);
-      copy_columns(output_.wrt_p, i, row, -weight);
+      link.by_state.row(row) = -weight_[i] * output_.wrt_x.row(i);
+      add_columns(output_.wrt_p, i, -weight_[i], link.by_shared, row);
     }
     ++row;
   }
-  if (is_first) {
-    for (Index i = 0; i < nx; ++i, ++row) {
-      link.residuals[row] = (x0_(i, static_cast<Index>(recording)) - states(i, at)) / step_sd[i];
-      if (!with_derivatives) continue;
-      link.by_state(row, i) = -1.0 / step_sd[i];
-      link.by_shared.row(row) = x0_by_unknowns_[recording].row(i) / step_sd[i];
-    }
+  for (Index i = 0; is_first && i < nx; ++i, ++row) {
+    link.residuals[row] = (x0_(i, static_cast<Index>(recording)) - states(i, at)) / step_sd[i];
+    if (!with_derivatives) continue;
+    link.by_state(row, i) = -1.0 / step_sd[i];
+    link.by_shared.row(row) = x0_by_unknowns_[recording].row(i) / step_sd[i];
   }
-  if (!is_last) {
-    moved_ = states.col(at);
-    if (with_derivatives) {
-      step(equations(), memory_, nodes, sample, moved_, motion_);
-    } else {
-      step(equations(), memory_, nodes, sample, moved_);
-    }
-    const double average = (data.time[data.size() - 1] - data.time[0]) / double(data.size() - 1);
-    const double longer = std::sqrt((data.time[sample + 1] - data.time[sample]) / average);
-    for (Index i = 0; i < nx; ++i, ++row) {
-      const double weight = 1.0 / (step_sd[i] * longer);
-      link.residuals[row] = weight * (moved_[i] - states(i, at + 1));
-      if (!with_derivatives) continue;
-      link.by_state.row(row) = weight * motion_.wrt_x.row(i);
-      link.by_next_state(row, i) = -weight;
-      copy_columns(motion_.wrt_p, i, row, weight);
-    }
-  }
+  if (!is_last) write_motion(recording, sample, states, with_derivatives, row, link);
   return link.residuals.allFinite() &&
          (!with_derivatives || (link.by_state.allFinite() && link.by_shared.allFinite()));
 }
@@ -310,6 +324,18 @@ bool TrajectoryProblem::write_links(const MatrixXd& states, const VectorXd& p,
     }
   }
   return true;
+}
+
+// From here the simulation goes on by one sample, x and its derivatives by the unknowns.
+void TrajectoryProblem::move_on(std::size_t recording, Index sample, bool with_derivatives,
+                                VectorXd& x, MatrixXd& by) {
+  if (!with_derivatives) {
+    step(equations(), memory_, nodes_[recording], sample, x);
+    return;
+  }
+  step(equations(), memory_, nodes_[recording], sample, x, motion_);
+  by = (motion_.wrt_x * by).eval();
+  for (Index i = 0; i < x.size(); ++i) add_columns(motion_.wrt_p, i, 1.0, by, i);
 }
 
 bool TrajectoryProblem::write_simulation(const VectorXd& p, bool with_derivatives,
@@ -329,54 +355,23 @@ bool TrajectoryProblem::write_simulation(const VectorXd& p, bool with_derivative
     Index row = 0;
     for (Index k = 0; k < data.size(); ++k) {
       if (!x.allFinite()) return false;
-      row = write_outputs(r, k, x, with_derivatives, by, row, link);
-      if (k + 1 == data.size()) break;
-      if (with_derivatives) {
-        step(equations(), memory_, nodes_[r], k, x, motion_);
-        by = (motion_.wrt_x * by).eval();
-        for (Index j = 0; j < np; ++j) {
-          if (column_[static_cast<std::size_t>(j)] >= 0)
-            by.col(j) += motion_.wrt_p.col(column_[static_cast<std::size_t>(j)]);
+      look_at(r, k, x, with_derivatives);
+      for (Index i = 0; i < weight_.size(); ++i) {
+        if (weight_[i] == 0.0) continue;
+        link.residuals[row] = error_[i];
+        if (with_derivatives) {
+          link.by_shared.row(row) = -weight_[i] * output_.wrt_x.row(i) * by;
+          add_columns(output_.wrt_p, i, -weight_[i], link.by_shared, row);
         }
-      } else {
-        step(equations(), memory_, nodes_[r], k, x);
+        ++row;
       }
+      if (k + 1 < data.size()) move_on(r, k, with_derivatives, x, by);
     }
-    if (!link.residuals.allFinite() || (with_derivatives && !link.by_shared.allFinite()))
+    if (!link.residuals.allFinite() || (with_derivatives && !link.by_shared.allFinite())) {
       return false;
+    }
   }
   return true;
-}
-
-Index TrajectoryProblem::write_outputs(std::size_t recording, Index sample, const VectorXd& x,
-                                       bool with_derivatives, const MatrixXd& by, Index row,
-                                       ChainLink& link) {
-  const Dataset& data = recordings_[recording];
-  const InputNodes& nodes = nodes_[recording];
-  if (with_derivatives) {
-    observe(equations(), memory_, x, nodes.at_sample.col(sample), nodes.time[sample], predicted_,
-            output_);
-  } else {
-    observe(equations(), memory_, x, nodes.at_sample.col(sample), nodes.time[sample], predicted_);
-  }
-  const std::vector<bool>& wraps = as_formulas(model_).wraps;
-  for (Index i = 0; i < data.y.rows(); ++i) {
-    if (std::isnan(data.y(i, sample))) continue;
-    double e = data.y(i, sample) - predicted_[i];
-    if (!wraps.empty() && wraps[static_cast<std::size_t>(i)]) e = nearest_turn(e);
-    const double scale = data.noise_scale.size() > 0 ? data.noise_scale(i, sample) : 1.0;
-    const double weight = 1.0 / (scale * output_sd[i]);
-    link.residuals[row] = weight * e;
-    if (with_derivatives) {
-      link.by_shared.row(row) = -weight * output_.wrt_x.row(i) * by;
-      for (std::size_t j = 0; j < column_.size(); ++j) {
-        if (column_[j] >= 0)
-          link.by_shared(row, static_cast<Index>(j)) -= weight * output_.wrt_p(i, column_[j]);
-      }
-    }
-    ++row;
-  }
-  return row;
 }
 
 ChainedLeastSquares TrajectoryProblem::simulation_problem() {

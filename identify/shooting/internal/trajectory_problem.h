@@ -79,9 +79,15 @@ class TrajectoryProblem {
   bool write_link(std::size_t recording, Eigen::Index sample, const Eigen::MatrixXd& states,
                   bool with_derivatives, ChainLink& link);
 
-  Eigen::Index write_outputs(std::size_t recording, Eigen::Index sample, const Eigen::VectorXd& x,
-                             bool with_derivatives, const Eigen::MatrixXd& by, Eigen::Index row,
-                             ChainLink& link);
+  Eigen::Index write_motion(std::size_t recording, Eigen::Index sample,
+                            const Eigen::MatrixXd& states, bool with_derivatives, Eigen::Index row,
+                            ChainLink& link);
+  void move_on(std::size_t recording, Eigen::Index sample, bool with_derivatives,
+               Eigen::VectorXd& x, Eigen::MatrixXd& by);
+  void look_at(std::size_t recording, Eigen::Index sample,
+               const Eigen::Ref<const Eigen::VectorXd>& x, bool with_derivatives);
+  void add_columns(const Eigen::MatrixXd& from, Eigen::Index of, double factor, Eigen::MatrixXd& to,
+                   Eigen::Index row) const;
 
   const Model& model_;
   const std::vector<Dataset>& recordings_;
@@ -97,6 +103,7 @@ class TrajectoryProblem {
   ModelMemory memory_;
   Jacobian motion_, output_;
   Eigen::VectorXd moved_, predicted_;
+  Eigen::VectorXd weight_, error_;  // of the outputs at a sample, see look_at()
 };
 
 }  // namespace identikal
