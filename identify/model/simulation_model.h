@@ -24,8 +24,8 @@ Model without_process_noise(Model model);
 ///
 /// Example:
 ///
-///     const Model free_run = simulation_model(model, recordings);
-///     for (const Parameter& p : free_run.parameters) if (!p.fixed) std::puts(p.name.c_str());
+///     const Model simulated = simulation_model(model, recordings);
+///     for (const Parameter& p : simulated.parameters) if (!p.fixed) std::puts(p.name.c_str());
 ///
 /// @throws InputError as above, and for a parameter with a prior
 Model simulation_model(Model model, const std::vector<Dataset>& recordings);

@@ -109,7 +109,7 @@ bool has_no_noise_but_of_outputs(const StateSpace& matrices) {
 
 }  // namespace
 
-bool can_be_shot(const Model& model, const std::vector<Dataset>& recordings) {
+bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& recordings) {
   if (!is_formula_model(model) || as_formulas(model).linear) return false;
   const LinearModel& noise = as_formulas(model).noise;
   if (noise.initial != InitialState::given || as_formulas(model).equations.states == 0) {
@@ -129,7 +129,7 @@ bool can_be_shot(const Model& model, const std::vector<Dataset>& recordings) {
 std::vector<ShootingEnd> shoot(const Model& model, const std::vector<Dataset>& recordings,
                                const std::vector<std::vector<ParameterSet>>& candidates,
                                const ShootingOptions& options) {
-  if (!can_be_shot(model, recordings) ||
+  if (!allows_multiple_shooting(model, recordings) ||
       std::any_of(candidates.begin(), candidates.end(), [](const auto& c) { return c.empty(); })) {
     throw std::invalid_argument(
         "shooting: expected formulas without process noise, recordings, and candidates");

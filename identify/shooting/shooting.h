@@ -40,11 +40,11 @@ struct ShootingEnd {
 
 /// May trajectories be followed? Only of formulas that are not linear in the state, without process
 /// noise, from a start without variance, and where a free parameter moves a state.
-bool can_be_shot(const Model& model, const std::vector<Dataset>& recordings);
+bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& recordings);
 
 /// Looks for the least squares of a simulation, from several starts, on steps of integration that
 /// are as fine as a search needs (1e-4 of a state's range): from the best of every start's
-/// candidates by Levenberg-Marquardt. Where fewer than half of the starts come to the same place, the
+/// candidates by Levenberg-Marquardt. Where fewer than 80 % of the starts come to the same place, the
 /// others take the path of multiple shooting: the states of all samples are unknowns beside the
 /// parameters, and what the motion makes of one need not be the next. Where they are free enough to
 /// follow the outputs, errors do not pile up along the recording, and that problem is nearly quadratic
@@ -61,7 +61,7 @@ bool can_be_shot(const Model& model, const std::vector<Dataset>& recordings);
 ///
 /// @param candidates  per start: sets of the model's parameters, inside their bounds; the first of
 ///   them begins the path
-/// @throws std::invalid_argument where can_be_shot() is false, or without candidates
+/// @throws std::invalid_argument where allows_multiple_shooting() is false, or without candidates
 std::vector<ShootingEnd> shoot(const Model& model, const std::vector<Dataset>& recordings,
                                const std::vector<std::vector<ParameterSet>>& candidates,
                                const ShootingOptions& options = {});

@@ -24,7 +24,7 @@ struct SimulationSlopes {
 ///     const auto [unknowns, errors, slopes] = simulation_slopes(model, recordings, model.parameters);
 ///     const Eigen::MatrixXd information = slopes[0].transpose() * slopes[0];
 ///
-/// @param model  one that can_be_shot() (shooting.h)
+/// @param model  one that allows_multiple_shooting() (shooting.h)
 /// @return without errors where the simulation does not stay finite
 SimulationSlopes simulation_slopes(const Model& model, const std::vector<Dataset>& recordings,
                                    const ParameterSet& at);

@@ -41,7 +41,7 @@ std::optional<ShotStarts> shot_starts(const RecordingsLikelihood& likelihood,
                                       const FactorCoordinates& factors, int starts,
                                       const NoiseMlOptions& options) {
   const Model& model = likelihood.model();
-  if (!can_be_shot(model, likelihood.recordings())) return std::nullopt;
+  if (!allows_multiple_shooting(model, likelihood.recordings())) return std::nullopt;
   if (!names_with_priors(parameters).empty()) return std::nullopt;
   ShotStarts out;
   ShootingOptions shooting;
