@@ -38,7 +38,8 @@ struct ShootingEnd {
   int iterations = 0, evaluations = 0;
 };
 
-/// May trajectories be followed? Only of formulas that no Kalman filter takes, without process noise, from a start without variance, and where a free parameter moves a state.
+/// May trajectories be followed? Only of formulas that no Kalman filter takes, without process
+/// noise, from a start without variance, and where a free parameter moves a state.
 bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& recordings);
 
 /// Looks for the least squares of a simulation, from several starts, on steps of integration that
