@@ -250,8 +250,9 @@ bool Attempt::simulation_follows(double allowed) {
 void Attempt::search_from_path() {
   if (path_.empty()) return;
   problem_.output_sd = deviation_;
+  const double before = loss_;
   take(search_simulation(trajectory_.shared, tolerance_), path_);
-  refined_ = tolerance_ == kExact;
+  if (loss_ < before) refined_ = tolerance_ == kExact;
 }
 
 bool Attempt::meets(const Attempt& other) const {
