@@ -84,7 +84,7 @@ class RecordingsLikelihood {
 
   const Model& model() const { return model_; }
   const std::vector<Dataset>& recordings() const { return recordings_; }  ///< of digests: none
-  double samples() const;  ///< values measured
+  double samples() const;                                                 ///< values measured
 
   /// How the evaluation at the model's own values ends.
   FilterStatus status_at_start();
