@@ -17,6 +17,7 @@
 
 #include "command/interruption.h"
 #include "command/manual.h"
+#include "command/memory.h"
 #include "command/option_parser.h"
 #include "command/terminal.h"
 #include "command/verbs.h"
@@ -263,8 +264,9 @@ void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
   for (const CLI::Option* option : verb.get_options()) {
     const std::string name = short_name(*option), whole_name = option->get_name();
     if (option->get_items_expected_max() == 0) {
-      const std::string bare = whole_name.substr(whole_name.find_first_not_of('-'));
-      if (said.starts_with(bare + " ")) {
+      // Words that belong to no option are one without a name.
+      const std::size_t begin = whole_name.find_first_not_of('-');
+      if (begin != std::string::npos && said.starts_with(whole_name.substr(begin) + " ")) {
         throw InputError({}, name + " takes no value", name + " alone");
       }
       continue;
@@ -341,20 +343,26 @@ int run_verb(const Verb& verb, const std::string& command) {
 
 }  // namespace
 
-int run_command_line(int argc, char** argv) {
+std::optional<CommandLine> read_command_line(int argc, char** argv) {
   CLI::App app{"Identikal: system identification and Kalman filter tuning from recorded data",
                "identikal"};
   app.formatter(std::make_shared<Help>());
   app.require_subcommand(1);
   app.set_version_flag("--version", "identikal " IDENTIKAL_VERSION "\n" IDENTIKAL_BUILT_WITH);
   refuse_unknown_verb(argc, argv);
-  const std::vector<Verb> verbs = verbs_of(argc, argv);
-  for (const Verb& verb : verbs) add_verb(app, verb);
+  std::vector<Verb> verbs = verbs_of(argc, argv);
+  std::string memory_limit;
+  for (Verb& verb : verbs) {
+    add_text(verb, "--memory-limit", memory_limit,
+             "Use no more memory than this, e.g. 2 GB; what needs more ends with exit code 5.",
+             "none");
+    add_verb(app, verb);
+  }
   // Verbs that are added later would have it too.
   app.footer(kExitStatus);
   if (argc == 3 && std::string(argv[1]) == "--generate") {
     print(generated(app, argv[2]));
-    return 0;
+    return std::nullopt;
   }
   try {
     app.parse(argc, argv);
@@ -363,7 +371,7 @@ int run_command_line(int argc, char** argv) {
       std::ostringstream text;
       app.exit(error, text, text);
       print(text.str());
-      return 0;
+      return std::nullopt;
     }
     refuse_unknown_words(app, error);
     refuse(*verb_in(app), error);
@@ -374,7 +382,14 @@ int run_command_line(int argc, char** argv) {
   const std::string name = name_of(*verb_in(app));
   const auto typed =
       std::find_if(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == name; });
-  return run_verb(*typed, as_typed(argc, argv));
+  return CommandLine{*typed, memory_limit};
+}
+
+int run_command_line(int argc, char** argv) {
+  const std::optional<CommandLine> typed = read_command_line(argc, argv);
+  if (!typed) return 0;
+  if (!typed->memory_limit.empty()) limit_memory(typed->memory_limit);
+  return run_verb(typed->verb, as_typed(argc, argv));
 }
 
 int run_program(int argc, char** argv) noexcept {
@@ -390,7 +405,7 @@ int run_program(int argc, char** argv) noexcept {
     std::cerr << "identikal: " << error.what() << "\n";
     return 2;
   } catch (const std::bad_alloc&) {
-    std::cerr << "identikal: not enough memory; expected less data, or more memory for this job\n";
+    std::cerr << "identikal: " << kNotEnoughMemory << "\n";
     return 5;
   } catch (const std::exception& error) {
     std::cerr << "identikal: internal error: " << error.what() << "; please report it\n";

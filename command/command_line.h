@@ -1,11 +1,26 @@
 // What was typed? One verb with its options.
 #pragma once
 
+#include <optional>
+#include <string>
+
+#include "jobs/verb.h"
+
 namespace identikal {
 
-/// Runs the verb that the command line names, or answers --help, --version or --generate.
+struct CommandLine {
+  Verb verb;                 ///< with its options taken
+  std::string memory_limit;  ///< as limit_memory() reads it; empty: none
+};
+
+/// What the command line asks for. Nothing where that is --help, --version or --generate, which is
+/// answered.
+/// @throws InputError for an unknown verb or option and values that do not fit
+std::optional<CommandLine> read_command_line(int argc, char** argv);
+
+/// read_command_line(), and runs the verb.
 /// @return the exit code
-/// @throws InputError for an unknown verb or option and values that do not fit; OutputError
+/// @throws InputError, OutputError
 int run_command_line(int argc, char** argv);
 
 /// The program: the same, and what it throws becomes a line on standard error and an exit code.

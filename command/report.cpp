@@ -18,13 +18,13 @@ struct ReportOptions {
 
 Outcome report(const ReportOptions& options) {
   const std::filesystem::path given(options.result);
-  const std::string page = rebuilt_page(options.result);
+  const StoredResult result = read_stored_result(options.result, PageData::required);
   std::error_code ignored;
   const std::filesystem::path folder =
       std::filesystem::is_directory(given, ignored) ? given : given.parent_path();
   const std::string path = options.page.empty() ? (folder / "report.html").string() : options.page;
-  write_files({{path, page, "--report"}},
-              files_of(read_stored_result(options.result), options.result));
+  write_files({{path, report_page(result.text, result.data), "--report"}},
+              files_of(result, options.result));
   Outcome out;
   out.text = fmt::format("{} written\n", path);
   return out;

@@ -23,7 +23,7 @@ struct FitOptions {
   std::string structure;
   std::string objective;  // of formulas; empty: one-step
   bool robust = false, reject_outliers = false;
-  std::int64_t bootstrap = 0;
+  std::int64_t bootstrap = 0, seconds = 0;
 };
 
 VehicleFitOptions::Method vehicle_method(const std::string& name) {
@@ -95,6 +95,7 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
 
 Outcome fit(const FitOptions& options, Call& call) {
   const Run run{"fit", call, options.model.file, {}, options.result};
+  limit_time(call, options.seconds);
   const bool simulation = options.objective == "simulation";
   Model model = load_model(options.model, run.verb, call.inputs,
                            simulation ? FormulaReading::as_written : FormulaReading::linear);
@@ -123,6 +124,7 @@ Verb fit_verb() {
   add_result_with_page(verb, options->result);
   add_filter_choice(verb, options->model);
   add_search(verb, options->search);
+  add_time_limit(verb, options->seconds);
   add_choice(verb, "--method", options->method, {"output-error", "prediction-error", "trajectory"},
              "Vehicle: Choose the estimator. output-error: simulation; for cars that wind and road "
              "disturb, prediction-error: with a filter gain, or trajectory: with the states of all "

@@ -71,11 +71,19 @@ const std::string& Inputs::model_text(const std::string& name) {
   return input.text;
 }
 
+YamlNode Inputs::model_tree(const std::string& name) {
+  return parse_with_included(model_text(name), name, included_);
+}
+
+std::vector<std::string> Inputs::included(const std::string& name) {
+  return included_files(model_text(name), name, included_);
+}
+
 Model Inputs::model(const std::string& name, FormulaReading reading) {
   const std::string& text = model_text(name);
   const bool may_change = !is_in_memory(name) || text.find("include") != std::string::npos;
   if (may_change || reading != FormulaReading::linear) {
-    return parse_model_file(text, name, reading);
+    return model_of(model_tree(name), name, reading);
   }
   return parsed_in_memory(text, name);
 }
@@ -94,7 +102,11 @@ const Table& Inputs::table(const std::string& name) {
 }
 
 StoredResult Inputs::result(const std::string& name) {
-  if (!is_in_memory(name)) return read_stored_result(name);
+  if (!is_in_memory(name)) {
+    std::shared_ptr<const StoredResult>& known = results_[name];
+    if (!known) known = std::make_shared<const StoredResult>(read_stored_result(name));
+    return *known;
+  }
   StoredResult result;
   result.path = name;
   result.text = kept_.at(name).text;
@@ -106,6 +118,9 @@ std::string Inputs::sha256(const std::string& name) {
   if (is_in_memory(name)) {
     const Input& kept = kept_.at(name);
     return kept.table ? sha256_of_samples(*kept.table) : sha256_of_text(kept.text);
+  }
+  if (const auto text = included_.find(name); text != included_.end()) {
+    return sha256_of_text(text->second);
   }
   const auto read = read_.find(name);
   return read != read_.end() ? read->second.sha256 : sha256_of_file(name);

@@ -5,7 +5,9 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "identify/model/included_files.h"
 #include "identify/model/model.h"
 #include "identify/model/model_file.h"
 #include "identify/result/file.h"
@@ -27,6 +29,11 @@ class Inputs {
   bool is_model(const std::string& name) const;
   /// A model file's bytes. @throws InputError as read_yaml_text()
   const std::string& model_text(const std::string& name);
+  /// That file's keys and values with those of the files that it includes.
+  /// @throws InputError as parse_with_included()
+  YamlNode model_tree(const std::string& name);
+  /// Paths of the files that it includes, and of those that they include.
+  std::vector<std::string> included(const std::string& name);
   /// That file, parsed. @throws InputError as parse_model_file()
   Model model(const std::string& name, FormulaReading reading = FormulaReading::linear);
   /// @throws InputError as read_csv()
@@ -44,6 +51,8 @@ class Inputs {
   };
 
   std::map<std::string, Input> read_, kept_;
+  std::map<std::string, std::shared_ptr<const StoredResult>> results_;
+  FileTexts included_;
 };
 
 }  // namespace identikal

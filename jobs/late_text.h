@@ -28,17 +28,19 @@ class LateText {
   const std::string& text() const {
     static const std::string kNothing;
     if (!shared_) return kNothing;
-    std::call_once(shared_->once, [this] {
+    // Not std::call_once: where memory is short, what write() throws does not come through it.
+    const std::lock_guard<std::mutex> lock(shared_->mutex);
+    if (shared_->write) {
       shared_->text = shared_->write();
       shared_->write = nullptr;  // and what it held
-    });
+    }
     return shared_->text;
   }
 
  private:
   struct Shared {
     explicit Shared(std::function<std::string()> how) : write(std::move(how)) {}
-    std::once_flag once;
+    std::mutex mutex;
     std::function<std::string()> write;
     std::string text;
   };

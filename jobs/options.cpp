@@ -230,6 +230,11 @@ void add_page(Verb& verb, ResultOptions& result) {
   result.has_page = true;
 }
 
+void add_time_limit(Verb& verb, std::int64_t& seconds) {
+  add_number(verb, "--time-limit", seconds, 1, 1000000,
+             "Stop with the best so far after this many seconds.", "none");
+}
+
 void add_search(Verb& verb, SearchOptions& search) {
   add_seed(verb, search.seed, "Seed of the random starts.", "1");
   add_number(verb, "--starts", search.starts, 1, 1000,

@@ -130,6 +130,9 @@ struct SearchOptions {
 };
 void add_search(Verb& verb, SearchOptions& search);
 
+/// --time-limit: see limit_time().
+void add_time_limit(Verb& verb, std::int64_t& seconds);
+
 /// --input, once per input.
 void add_signals(Verb& verb, std::vector<std::string>& signals);
 

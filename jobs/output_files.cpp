@@ -164,10 +164,22 @@ void refuse_one_place_for_two(const std::vector<OutputFile>& files) {
 
 // What an earlier run may have left in a result's folder.
 const std::set<std::string>& files_of_results() {
-  static const std::set<std::string> names = {"result.json",  "report_data.json", "residuals.csv",
-                                              "course.csv",   "states.csv",       "innovations.csv",
-                                              "forecast.csv", "spectrum.csv",     "shaped.yaml"};
+  static const std::set<std::string> names = {
+      "result.json",      "report_data.json", "residuals.csv",           "course.csv",
+      "states.csv",       "innovations.csv",  "predictions.csv",         "disturbances.csv",
+      "trajectories.csv", "forecast.csv",     "scenarios.csv",           "impulse.csv",
+      "spectrum.csv",     "shaped.yaml",      "shaped_measurement.yaml", "extended.yaml",
+      "student.yaml"};
   return names;
+}
+
+// The files of an earlier result in the folder of a new one, but those that the job has read.
+std::set<std::string> stale_beside(const std::set<std::string>& names,
+                                   const std::vector<std::string>& inputs) {
+  std::set<std::string> stale;
+  if (names.count("result.json") > 0) stale = files_of_results();
+  for (const std::string& input : inputs) stale.erase(fs::path(input).filename().string());
+  return stale;
 }
 
 // Folders that take several files change at once, where that can be; their parts lie in the new ones.
@@ -180,11 +192,10 @@ std::vector<FolderExchange> exchanges_of(std::vector<Place>& places,
   std::vector<FolderExchange> out;
   for (const auto& [folder, files] : by_folder) {
     if (files.size() < 2) continue;
-    std::set<std::string> names, stale;
+    std::set<std::string> names;
     for (const Place* place : files) names.insert(place->target.filename().string());
-    if (names.count("result.json") > 0) stale = files_of_results();
-    for (const std::string& input : inputs) stale.erase(fs::path(input).filename().string());
-    std::optional<FolderExchange> exchange = FolderExchange::beside(folder, names, stale);
+    std::optional<FolderExchange> exchange =
+        FolderExchange::beside(folder, names, stale_beside(names, inputs));
     if (!exchange) continue;
     for (Place* place : files) place->part = exchange->fresh() / place->target.filename();
     out.push_back(std::move(*exchange));
@@ -192,8 +203,22 @@ std::vector<FolderExchange> exchanges_of(std::vector<Place>& places,
   return out;
 }
 
+// Where a folder could not change at once, they are still there.
+void remove_stale(const std::vector<Place>& places, const std::vector<std::string>& inputs) {
+  std::map<fs::path, std::set<std::string>> by_folder;
+  for (const Place& place : places) {
+    by_folder[place.target.parent_path()].insert(place.target.filename().string());
+  }
+  for (const auto& [folder, names] : by_folder) {
+    for (const std::string& stale : stale_beside(names, inputs)) {
+      std::error_code ignored;
+      if (names.count(stale) == 0) fs::remove(folder / stale, ignored);
+    }
+  }
+}
+
 void write_all(const std::vector<OutputFile>& files, std::vector<Place>& places,
-               std::vector<FolderExchange>& exchanges) {
+               std::vector<FolderExchange>& exchanges, const std::vector<std::string>& inputs) {
   const auto give_up = [](const OutputFile& file, const std::string& why) {
     fail(file, "cannot write" + (why.empty() ? "" : ": " + why));
   };
@@ -223,6 +248,7 @@ void write_all(const std::vector<OutputFile>& files, std::vector<Place>& places,
     fs::rename(places[i].part, places[i].target, error);
     if (error) give_up(files[i], error.message());
   }
+  remove_stale(places, inputs);
   std::set<fs::path> folders;
   for (const Place& place : places) {
     const fs::path folder = fs::absolute(place.target).parent_path();
@@ -239,7 +265,7 @@ void write_files(const std::vector<OutputFile>& files, const std::vector<std::st
   Attempt attempt;
   for (const OutputFile& file : files) attempt.places.push_back(place_of(file, attempt));
   std::vector<FolderExchange> exchanges = exchanges_of(attempt.places, inputs);
-  write_all(files, attempt.places, exchanges);
+  write_all(files, attempt.places, exchanges, inputs);
   attempt.keep();
 }
 

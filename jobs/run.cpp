@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "identify/model/included_files.h"
 #include "identify/model/yaml_reader.h"
 #include "identify/report/console.h"
 #include "identify/report/page.h"
@@ -19,7 +18,12 @@
 namespace identikal {
 
 bool report_progress(const Call& call, const std::string& what, double share, double value) {
+  if (std::chrono::steady_clock::now() > call.deadline) return false;
   return !call.progress || call.progress(what, share, value);
+}
+
+void limit_time(Call& call, std::int64_t seconds) {
+  if (seconds > 0) call.deadline = std::chrono::steady_clock::now() + std::chrono::seconds(seconds);
 }
 
 void notice(const Call& call, const std::string& line) {
@@ -35,7 +39,7 @@ bool Run::wants_pictures() const {
 }
 
 std::vector<std::string> model_and_included(const std::string& path, Inputs& inputs) {
-  std::vector<std::string> out = included_files(inputs.model_text(path), path);
+  std::vector<std::string> out = inputs.included(path);
   out.push_back(path);
   return out;
 }
@@ -45,8 +49,8 @@ namespace {
 ModelSource model_source(const std::string& path, Inputs& inputs) {
   const std::string& text = inputs.model_text(path);
   ModelSource out{path, inputs.sha256(path), text, {}};
-  for (const std::string& included : included_files(text, path)) {
-    out.included.push_back({included, sha256_of_file(included)});
+  for (const std::string& included : inputs.included(path)) {
+    out.included.push_back({included, inputs.sha256(included)});
   }
   return out;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,6 +18,9 @@ namespace identikal {
 
 /// A remark on how a verb was called, where somebody listens.
 void notice(const Call& call, const std::string& line);
+
+/// The job stops with the best so far after this many seconds; 0: whenever it is done.
+void limit_time(Call& call, std::int64_t seconds);
 
 /// The model file and those that it includes.
 std::vector<std::string> model_and_included(const std::string& path, Inputs& inputs);

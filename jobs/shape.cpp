@@ -22,7 +22,7 @@ struct ShapingOptions {
   ResultOptions result;
   std::string noise = "both", hold_out = "30%";
   std::int64_t order = 4;
-  std::int64_t seed = 1;
+  std::int64_t seed = 1, seconds = 0;
 };
 
 ShapeOptions shape_options(const ShapingOptions& given, const Call& call) {
@@ -63,6 +63,7 @@ std::vector<ResultFile> files_of(const Model& model, const ShapeResult& result) 
 }
 
 Outcome shape_noise(const ShapingOptions& options, Call& call) {
+  limit_time(call, options.seconds);
   const Run run{"shape", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
   require_linear(model, run.verb);
@@ -98,6 +99,7 @@ Verb shape_verb() {
   add_text(verb, "--hold-out", options->hold_out,
            "Hold out the last share of each recording to compare the filters on.");
   add_seed(verb, options->seed, "Seed of the random starts.");
+  add_time_limit(verb, options->seconds);
   verb.run = [options](Call& call) { return shape_noise(*options, call); };
   return verb;
 }

@@ -21,7 +21,7 @@ struct TrackOptions {
   ResultOptions result;
   bool adaptive = false;
   std::int64_t particles = 0;
-  std::int64_t seed = 1;
+  std::int64_t seed = 1, seconds = 0;
 };
 
 void check_options(const TrackOptions& options, const Model& model) {
@@ -64,6 +64,7 @@ void add_course(const TimeHistory& course, Outcome& out) {
 }
 
 Outcome track_recording(const TrackOptions& options, Call& call) {
+  limit_time(call, options.seconds);
   const Run run{"track", call, options.model.file, {}, options.result};
   Model model = load_any_model(options.model, call.inputs);
   check_options(options, model);
@@ -104,6 +105,7 @@ Verb track_verb() {
              "Number of filters that run in parallel.", "400");
   add_old_number(verb, "--draws", "--particles", options->particles, 10, 1000000);
   add_seed(verb, options->seed, "Seed of the particles.");
+  add_time_limit(verb, options->seconds);
   verb.run = [options](Call& call) { return track_recording(*options, call); };
   return verb;
 }

@@ -10,7 +10,6 @@
 #include "identify/filter/pictures.h"
 #include "identify/model/components.h"
 #include "identify/model/heavy_tails.h"
-#include "identify/model/included_files.h"
 #include "identify/model/model_file.h"
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
@@ -157,7 +156,7 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{options.iterate, als, "--iterate", "--method als or als-weighted"},
         Case{options.min_rank, als, "--min-rank", "--method als or als-weighted"},
         Case{options.draws > 0, bayes, "--draws", "--method bayes"},
-        Case{options.seconds > 0, bayes, "--time-limit", "--method bayes"},
+        Case{options.seconds > 0, !als, "--time-limit", "--method ml, auto or bayes"},
         Case{options.search.seed >= 0, !als, "--seed", "--method ml, auto or bayes"},
         Case{options.search.starts > 0, !als && !bayes, "--starts", "--method ml or auto"},
         Case{options.search.iterations > 0, !als && !bayes && !estimates, "--iterations",
@@ -210,8 +209,7 @@ Outcome tune_further(const TuneOptions& options, const Run& run, Model model) {
     return report_progress(run.call, "trying " + what);
   };
   const std::string& path = options.model.file;
-  const YamlNode root =
-      with_components(parse_with_included(run.call.inputs.model_text(path), path));
+  const YamlNode root = with_components(run.call.inputs.model_tree(path));
   ExtendResult result = tune_extended(root, model, recordings.data, of_search);
   const auto estimate = std::make_shared<NoiseEstimate>(std::move(result.estimate));
   std::vector<ResultFile> files;
@@ -244,8 +242,7 @@ void refuse_beside_student(const TuneOptions& options) {
 // With the model file that says so: what reads the result needs it.
 Outcome tune_student_noise(const TuneOptions& options, const Run& run) {
   const std::string& path = options.model.file;
-  const YamlNode root =
-      with_student_noise(parse_with_included(run.call.inputs.model_text(path), path));
+  const YamlNode root = with_student_noise(run.call.inputs.model_tree(path));
   const std::string text = model_file_text(root);
   Model model = model_of(root, path);
   for (const std::string& assignment : options.model.settings) set_parameter(model, assignment);
@@ -310,6 +307,7 @@ Outcome tune(const TuneOptions& options, Call& call) {
   Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
   check_method(options, model);
+  if (options.method != "bayes") limit_time(call, options.seconds);
   if (are_digests(options.recordings.files)) {
     run.options.has_page = false;
     return tune_digests(options, run, std::move(model));
@@ -324,8 +322,7 @@ Outcome tune(const TuneOptions& options, Call& call) {
     if (weighs_further_parts(options, of) && innovations_contradict(out)) {
       report_progress(run.call, "trying further parts of the model");
       const std::string& path = options.model.file;
-      const YamlNode root =
-          with_components(parse_with_included(call.inputs.model_text(path), path));
+      const YamlNode root = with_components(call.inputs.model_tree(path));
       judge_by_expected_errors(root, of, recordings, out);
     }
     return out;
@@ -381,7 +378,9 @@ Verb tune_verb() {
   add_number(verb, "--draws", options->draws, 10, 1000000,
              "bayes: Number of draws from the posterior.", "2000");
   add_number(verb, "--time-limit", options->seconds, 1, 1000000,
-             "bayes: End without a result after this many seconds.", "300");
+             "Stop with the best so far after this many seconds; bayes: without a result, and "
+             "after 300 where it is not given.",
+             "none");
   add_flag(verb, "--no-profiles", options->no_profiles,
            "Leave out the intervals of likelihood profiles, which take half of the time "
            "of a short recording.");

@@ -1,6 +1,7 @@
 // What is a verb: tune, fit, check, ...? Its options, what it does with them, and what comes out.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -31,6 +32,8 @@ struct Call {
   std::string command;  ///< the command line as typed, for the page
   /// Called while it works. @return false to stop with the best so far
   std::function<bool(const std::string& what, double share, double value)> progress;
+  /// From here on progress is reported in vain: the job stops with the best so far.
+  std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
   bool wants_series = false, wants_page = false;
   bool wants_text = true;                               ///< else a result has no Outcome::text
   std::function<void(const std::string& line)> notice;  ///< takes remarks on how it was called

@@ -98,6 +98,14 @@ void keep(RecursivePosterior& posterior, const std::vector<Index>& kept) {
   posterior.log_weight = VectorXd(posterior.log_weight(kept));
 }
 
+// Starting a filter counts as a few samples.
+constexpr Index kSamplesOfAStart = 20;
+
+bool may_work_on(const RecursivePosterior& posterior) {
+  constexpr Index kPerSample = 300;
+  return posterior.work < kPerSample * (posterior.samples_before + posterior.samples + kSamplesOfAStart);
+}
+
 // Makes the draws equally likely: by stages, where the last samples have left but a few of them.
 void renew(RecursivePosterior& posterior, const NoiseProblem& problem) {
   constexpr double kEnough = 0.2;  // share of effective draws that one stage may leave
@@ -111,6 +119,12 @@ void renew(RecursivePosterior& posterior, const NoiseProblem& problem) {
     const double left = 1.0 - temperature;
     const bool at_once = effective_share(tempered_weights(posterior.log_weight, left)) >= kEnough;
     const double rise = at_once ? left : next_step(posterior.log_weight, left);
+    const bool rises = temperature + rise > temperature;
+    if (!may_work_on(posterior) || !rises) {
+      keep(posterior, resampled(tempered_weights(posterior.log_weight, left), posterior.random));
+      ++posterior.left_behind;
+      break;
+    }
     keep(posterior, resampled(tempered_weights(posterior.log_weight, rise), posterior.random));
     temperature = rise >= left ? 1.0 : temperature + rise;
     const MatrixXd factor = spread(posterior.draws);
@@ -118,6 +132,7 @@ void renew(RecursivePosterior& posterior, const NoiseProblem& problem) {
     for (int round = 0; round < kMostRounds && accepted < kMoves; ++round) {
       const double rate = move_all(posterior, problem, temperature, scale, factor, proposals);
       accepted += rate;
+      posterior.work += posterior.samples + kSamplesOfAStart;
       scale *= std::clamp(std::exp(rate - 0.3), 0.6, 1.6);
     }
   }

@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 108> kKinds = {{
+constexpr std::array<FindingKind, 109> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -160,6 +160,9 @@ constexpr std::array<FindingKind, 108> kKinds = {{
      "Innovations have a mean; serious where it makes up more than 5 % of their power"},
     {FindingCode::prior_edge, "prior_edge", Severity::serious, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit, "A posterior is piled up against the edge of its prior"},
+    {FindingCode::draws_left_behind, "draws_left_behind", Severity::serious, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::misfit,
+     "Samples are so far off that the draws of a posterior could not follow them"},
     {FindingCode::no_measurement_noise, "no_measurement_noise", Severity::serious,
      Severity::serious, Status::untrusted, Rank::other, InMessage::name,
      "The measurement noise of an output was estimated as zero"},
@@ -168,8 +171,9 @@ constexpr std::array<FindingKind, 108> kKinds = {{
     {FindingCode::too_many_outliers, "too_many_outliers", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::misfit,
      "More than 10 % of the samples of an output lie off: none was left out"},
-    {FindingCode::few_samples, "few_samples", Severity::warning, Severity::warning, Status::ok,
-     Rank::other, InMessage::nothing, "So few samples that the errors are too small"},
+    {FindingCode::few_samples, "few_samples", Severity::warning, Severity::serious,
+     Status::untrusted, Rank::other, InMessage::misfit,
+     "So few samples that the errors are too small; serious below three for each unknown"},
     {FindingCode::coloured_innovations, "coloured_innovations", Severity::warning,
      Severity::serious, Status::untrusted, Rank::other, InMessage::misfit,
      "Innovations are not white; serious where their own past explains more than 2 % of them, or "

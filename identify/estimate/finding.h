@@ -89,6 +89,7 @@ enum class FindingCode {
   outliers,
   offset,
   prior_edge,
+  draws_left_behind,
   no_measurement_noise,
   outliers_left_out,
   too_many_outliers,

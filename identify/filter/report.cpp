@@ -456,6 +456,25 @@ void refuse_filter(const Model& model, const std::vector<Dataset>& recordings,
   throw InputError(here, "the filter cannot run");
 }
 
+namespace {
+
+// A covariance without what rounding has left below zero; states are compared by their correlations,
+// as their units may lie far apart.
+MatrixXd without_negative_rounding(const MatrixXd& P) {
+  const VectorXd sd = P.diagonal().cwiseMax(0.0).cwiseSqrt();
+  const VectorXd per_sd = (sd.array() > 0.0).select(sd.cwiseInverse(), 0.0);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> correlation(per_sd.asDiagonal() * P *
+                                                            per_sd.asDiagonal());
+  const bool definite = (P.diagonal().array() >= 0.0).all() &&
+                        correlation.eigenvalues().minCoeff() >= 0.0;
+  if (definite || !P.allFinite()) return P;
+  const MatrixXd factor = sd.asDiagonal() * correlation.eigenvectors() *
+                          correlation.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  return factor * factor.transpose();
+}
+
+}  // namespace
+
 FilterMatrices filter_matrices(const Model& model, const ParameterSet& parameters) {
   FilterMatrices out;
   const LinearModel& noise = noise_model(model);
@@ -479,9 +498,9 @@ FilterMatrices filter_matrices(const Model& model, const ParameterSet& parameter
   for (const StateName& state : model.states) filter.states.push_back({state.name, state.unit});
   if (const auto steady = steady_state(filter.model)) {
     out.noise.K_steady = steady->K;
-    out.noise.P_steady = steady->P;
+    out.noise.P_steady = without_negative_rounding(steady->P);
     filter.K = steady->K;
-    filter.P = steady->P;
+    filter.P = out.noise.P_steady;
     filter.Sigma = steady->Sigma;
     filter.L = steady->Sigma.ldlt().solve(filter.model.C * steady->P.transpose()).transpose();
   }

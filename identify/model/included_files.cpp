@@ -9,7 +9,8 @@
 namespace identikal {
 namespace {
 
-constexpr std::size_t kMaxFiles = 8;
+constexpr std::size_t kMaxFiles = 8;        // one within another
+constexpr std::size_t kMostIncluded = 100;  // in all
 
 // Entries of `other` that `own` does not have, before its own: a definition may use them.
 void put_before(YamlNode& own, const YamlNode& other) {
@@ -41,9 +42,16 @@ void merge(YamlNode& root, const YamlNode& included) {
 }
 
 struct Walk {
-  std::vector<std::filesystem::path> open;  // the files that include this one
-  std::vector<std::string> met;             // all that were included so far
+  FileTexts& read;
+  std::vector<std::filesystem::path> open = {};  // the files that include this one
+  std::vector<std::string> met = {};             // all that were included so far
 };
+
+const std::string& text_of_included(const std::string& path, FileTexts& read) {
+  const auto known = read.find(path);
+  return known != read.end() ? known->second
+                             : read.emplace(path, read_yaml_text(path)).first->second;
+}
 
 YamlNode with_included(YamlNode root, const std::string& path, Walk& walk) {
   std::vector<std::filesystem::path>& open = walk.open;
@@ -60,7 +68,7 @@ YamlNode with_included(YamlNode root, const std::string& path, Walk& walk) {
     const std::filesystem::path target =
         std::filesystem::path(path).parent_path() / text_of(file, "include");
     std::error_code ignored;
-    if (!std::filesystem::exists(target, ignored)) {
+    if (!walk.read.contains(target.string()) && !std::filesystem::exists(target, ignored)) {
       throw InputError(file.at, fmt::format("include {} does not exist", describe(file)),
                        "a file, relative to this one");
     }
@@ -72,8 +80,14 @@ YamlNode with_included(YamlNode root, const std::string& path, Walk& walk) {
       throw InputError(file.at, "files are included too deeply",
                        fmt::format("at most {}", kMaxFiles));
     }
+    if (walk.met.size() == kMostIncluded) {
+      throw InputError(file.at, "too many files are included",
+                       fmt::format("at most {} in all", kMostIncluded));
+    }
     walk.met.push_back(target.string());
-    const YamlNode included = with_included(read_yaml(target.string()), target.string(), walk);
+    const YamlNode included =
+        with_included(parse_yaml(text_of_included(target.string(), walk.read), target.string()),
+                      target.string(), walk);
     check_mapping(included, "an included file");
     merge(root, included);
   }
@@ -83,17 +97,28 @@ YamlNode with_included(YamlNode root, const std::string& path, Walk& walk) {
 
 }  // namespace
 
-YamlNode parse_with_included(const std::string& text, const std::string& path) {
-  Walk walk;
+YamlNode parse_with_included(const std::string& text, const std::string& path, FileTexts& read) {
+  Walk walk{read};
   return with_included(parse_yaml(text, path), path, walk);
 }
 
-std::vector<std::string> included_files(const std::string& text, const std::string& path) {
+YamlNode parse_with_included(const std::string& text, const std::string& path) {
+  FileTexts read;
+  return parse_with_included(text, path, read);
+}
+
+std::vector<std::string> included_files(const std::string& text, const std::string& path,
+                                        FileTexts& read) {
   if (text.find("include") == std::string::npos)
     return {};  // most have none, and parsing takes time
-  Walk walk;
+  Walk walk{read};
   with_included(parse_yaml(text, path), path, walk);
   return walk.met;
+}
+
+std::vector<std::string> included_files(const std::string& text, const std::string& path) {
+  FileTexts read;
+  return included_files(text, path, read);
 }
 
 }  // namespace identikal

@@ -32,6 +32,7 @@ struct PosteriorPoints {
   double log_evidence = 0.0;
   double effective = 0.0;
   bool on_grid = false;
+  int left_behind = 0;  ///< of a recursion: times that the draws could not follow a sample
   std::string method = "sequential Monte Carlo";  ///< or "grid", "importance sampling"
   SolverSummary summary;
 };

@@ -138,6 +138,19 @@ ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
   return loss;
 }
 
+Findings check_length(long samples, double unknowns) {
+  const double share = static_cast<double>(samples) / unknowns;
+  if (!(share < 5.0)) return {};
+  Finding few = make_finding(
+      FindingCode::few_samples, {},
+      fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
+                  "here too small",
+                  samples, unknowns),
+      "record more, or fix parameters that are known");
+  if (share < 3.0) few.severity = Severity::serious;
+  return {few};
+}
+
 namespace {
 
 // Of one channel's innovations.
@@ -292,14 +305,7 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
   objective.samples = static_cast<long>(samples_present(recordings));
-  if (static_cast<double>(objective.samples) < 5.0 * k) {  // the likelihood is no parabola yet
-    estimate.findings.push_back(make_finding(
-        FindingCode::few_samples, {},
-        fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
-                    "here too small",
-                    objective.samples, k),
-        "record more, or fix parameters that are known"));
-  }
+  append(estimate.findings, check_length(objective.samples, k));
   report_criteria(objective, k, model, end, recordings);
   append(estimate.findings, check_innovations(estimate));
   if (white) {

@@ -37,6 +37,10 @@ void withdraw_errors(Estimate& estimate);
 Findings check_search(const Estimate& estimate, const SolverSummary& summary,
                       const std::string& more = "");
 
+/// That there are fewer than five samples for each unknown: the likelihood is no parabola yet.
+/// Serious below three.
+Findings check_length(long samples, double unknowns);
+
 /// What the errors of the parameters cost the filter (lib/filter/information.h), from their
 /// standard errors and correlations as the estimate has them; or why that has no answer.
 ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,

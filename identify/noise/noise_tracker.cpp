@@ -154,6 +154,7 @@ class NoiseTracker::Learner {
     out.log_density = posterior_.log_prior + posterior_.log_likelihood;
     out.effective = 1.0 / out.weight.squaredNorm();
     out.summary.iterations = posterior_.renewals;
+    out.left_behind = posterior_.left_behind;
     return out;
   }
 
@@ -348,7 +349,12 @@ class NoiseTracker::Learner {
     const FilterStart from{kept_x_.at(since),
                            kept_P_.at(since).reshaped(n, n) + test_->state_covariance(), 0.0};
     problem_ = learning_problem(model_, prior_, [from](const StateSpace&) { return from; });
+    const Index work = posterior_.work;
+    const int left_behind = posterior_.left_behind;
     posterior_ = start_posterior(problem_, options_.draws, options_.seed + changes_);
+    posterior_.work = work;
+    posterior_.left_behind = left_behind;
+    posterior_.samples_before = since;
     entries_ = entries_of_draws(model_, prior_, posterior_);
     for (Index s = since; s <= samples_; ++s) learn(kept_y_.at(s), kept_u_.at(s));
   }

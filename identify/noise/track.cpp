@@ -155,6 +155,16 @@ TrackedNoise track(const Model& given, const Dataset& whole, const NoiseTrackOpt
     list_parameters(estimate, model.parameters, model.parameters);
     estimate.covariance_kind = "none: the noise of the model file was not rejected";
   }
+  append(estimate.findings, check_length(static_cast<long>(samples_present({recording})),
+                                         static_cast<double>(points.coordinates.rows())));
+  if (points.left_behind > 0) {
+    estimate.findings.push_back(make_finding(
+        FindingCode::draws_left_behind, {},
+        fmt::format("the recording holds samples that no noise near the draws explains: they could "
+                    "not follow {} time{}",
+                    points.left_behind, points.left_behind == 1 ? "" : "s"),
+        "look for mistakes of a sensor; correct the model if its outputs run away"));
+  }
   SolverSummary summary = points.summary;
   summary.termination = Termination::converged;  // what was learnt up to there stands
   const std::string more =

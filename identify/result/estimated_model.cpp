@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
+#include "identify/model/included_files.h"
 #include "identify/model/model_file.h"
 #include "identify/model/model_values.h"
 #include "identify/model/simulation_model.h"
@@ -27,18 +28,21 @@ Model started_model(const StoredEstimate& result, const std::string& path) {
     throw InputError({path, 0, 0}, "holds no model file", "a result of tune, check or fit",
                      "run the job again with -o");
   }
+  FileTexts read;
   for (const ModelSource::Included& file : result.model_file->included) {
     std::error_code ignored;
     const bool there = std::filesystem::is_regular_file(file.path, ignored);
-    if (there && sha256_of_file(file.path) == file.sha256) continue;
+    if (there) read[file.path] = read_yaml_text(file.path);
+    if (there && sha256_of_text(read[file.path]) == file.sha256) continue;
     throw InputError({path, 0, 0},
                      fmt::format("{}, which its model file includes, {}", file.path,
                                  there ? "has changed since" : "is no longer there"),
                      "the file as it was", "a result holds the text of the model file alone");
   }
   const ModelSource& file = *result.model_file;
-  if (result.objective.method != kSimulationMethod) return parse_model_file(file.text, file.path);
-  return without_process_noise(parse_model_file(file.text, file.path, FormulaReading::as_written));
+  const YamlNode root = parse_with_included(file.text, file.path, read);
+  if (result.objective.method != kSimulationMethod) return model_of(root, file.path);
+  return without_process_noise(model_of(root, file.path, FormulaReading::as_written));
 }
 
 // What takes the place of a part of a text, or is inserted before it.

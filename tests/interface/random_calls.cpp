@@ -1,6 +1,9 @@
-// Calls ik_run() and the filters with whatever comes: random verbs, models, sizes, NaN, NULL. random_calls [COUNT] [SEED]
+// Calls ik_run() and the filters with whatever comes: random verbs, models, sizes, NaN, NULL.
+// random_calls [COUNT] [SEED] [SECONDS]: with SECONDS the COUNT calls are repeated for so long, and
+// memory has to stay what it was, to 1 %.
 // Prints how often each code came; a crash, a leak or a hang is for whoever watches it (valgrind, a sanitizer).
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -10,6 +13,8 @@
 #include <vector>
 
 #include "interface/identikal.h"
+#include <malloc.h>
+#include <unistd.h>
 
 namespace {
 
@@ -118,71 +123,126 @@ bool step_a_filter(Dice& dice, const ik_result* result, const char* model) {
   return known;
 }
 
+struct Seen {
+  std::array<long, 6> codes{};
+  long calls = 0;
+  ik_result* kept = nullptr;  // a result of before, for those that start from one
+};
+
+// False: a code that is none.
+bool call_once(Dice& dice, Seen& seen) {
+  const bool wild = dice.below(4) == 0;  // else most things fit together
+  const NamedVerb& verb = kVerbs[dice.below(wild ? std::size(kVerbs) : 10)];
+  const auto is = [&](std::string_view name) { return verb.name == name; };
+  const KnownModel& model = kModels[dice.below(wild ? std::size(kModels) : 3)];
+  const std::size_t rows = wild ? dice.below(30) : 5 + dice.below(60);
+  const std::size_t ny = wild ? dice.below(3) : model.outputs;
+  const std::size_t nu = wild ? dice.below(2) : model.inputs;
+  const bool inputs_alone = !wild && (is("bound") || is("simulate"));
+  const std::vector<double> y = samples(dice, rows * ny + 1), u = samples(dice, rows * nu + 1);
+  std::vector<double> time = samples(dice, rows + 1);
+  if (!wild) {
+    for (std::size_t k = 0; k < time.size(); ++k) time[k] = static_cast<double>(k);
+  }
+  ik_recording recording{};
+  if (!wild || dice.below(5) != 0) recording.y = y.data();
+  if (!wild || dice.below(5) != 0) recording.u = u.data();
+  if (!wild || dice.below(3) == 0) recording.time = time.data();
+  recording.rows = rows;
+  recording.ny = inputs_alone ? 0 : ny;
+  recording.nu = nu;
+  if (wild && dice.below(2) == 0) recording.step = dice.one_of(kOdd);
+  const char* const names[] = {"y", dice.below(2) == 0 ? "t" : nullptr, "u", ""};
+  const char* const units[] = {dice.below(2) == 0 ? "m" : "nonsense", nullptr, "s", ""};
+  if (wild && dice.below(3) == 0) recording.names = names;
+  if (dice.below(8) == 0) recording.units = units;
+  const ik_result* const previous[] = {seen.kept, wild && dice.below(2) == 0 ? nullptr : seen.kept};
+  const bool of_results = is("validate") || is("compare");
+  const std::size_t previous_count = wild             ? dice.below(3)
+                                     : is("validate") ? 1
+                                     : is("compare")  ? 2
+                                                      : 0;
+  const char* const options =
+      wild && dice.below(2) == 0 ? dice.one_of(kOddOptions) : dice.one_of(verb.options);
+  ik_result* result = nullptr;
+  const std::size_t recordings =
+      wild                                                                 ? dice.below(2)
+      : (inputs_alone && (nu == 0 || options != nullptr)) || is("compare") ? 0
+                                                                           : 1;
+  const int code = ik_run(verb.name, of_results && !wild ? nullptr : model.text,
+                          wild && dice.below(5) == 0 ? nullptr : &recording, recordings,
+                          wild && dice.below(5) == 0 ? nullptr : previous, previous_count, options,
+                          nullptr, dice.below(10) != 0 ? &result : nullptr);
+  if (code < 0 || code > 5) return std::printf("code %d\n", code), false;
+  ++seen.codes[static_cast<std::size_t>(code)];
+  if (code == 5) std::printf("call %ld: %s\n", seen.calls, ik_result_message(result));
+  std::size_t series_rows = 0, cols = 0;
+  ik_result_series(result, "innovations", &series_rows, &cols);
+  if (dice.below(200) == 0) ik_result_report_html(result);
+  const ik_result* const of = dice.below(2) == 0 ? result : seen.kept;
+  if (!step_a_filter(dice, of, model.text)) return std::puts("a filter's code"), false;
+  if (result != nullptr && code == 0 && dice.below(3) == 0) std::swap(seen.kept, result);
+  ik_result_free(result);
+  ++seen.calls;
+  return true;
+}
+
+// Resident memory without what the allocator keeps for later [MB].
+double resident() {
+  malloc_trim(0);
+  long pages = 0, resident_pages = 0;
+  if (std::FILE* file = std::fopen("/proc/self/statm", "r")) {
+    if (std::fscanf(file, "%ld %ld", &pages, &resident_pages) != 2) resident_pages = 0;
+    std::fclose(file);
+  }
+  return static_cast<double>(resident_pages * sysconf(_SC_PAGESIZE)) / 1e6;
+}
+
+int print(const Seen& seen) {
+  std::printf("%ld calls: codes", seen.calls);
+  for (std::size_t code = 0; code < seen.codes.size(); ++code)
+    std::printf(" %zu: %ld", code, seen.codes[code]);
+  std::printf("\n");
+  return seen.codes[5] == 0 ? 0 : 1;
+}
+
+// The same calls round after round: memory that grows is memory that is lost.
+int soak(long count, unsigned seed, double seconds) {
+  const auto begin = std::chrono::steady_clock::now();
+  const auto spent = [&] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  Seen seen;
+  double first = 0.0, now = 0.0;
+  for (long round = 1; spent() < seconds; ++round) {
+    Dice dice{std::mt19937(seed)};
+    for (long i = 0; i < count; ++i) {
+      if (!call_once(dice, seen)) return 1;
+    }
+    ik_result_free(seen.kept);
+    seen.kept = nullptr;
+    now = resident();
+    if (round == 3) first = now;  // everything that is made once has been made
+    if ((round & (round - 1)) == 0) {
+      std::printf("round %ld, %.0f s: %.2f MB\n", round, spent(), now);
+      std::fflush(stdout);
+    }
+  }
+  std::printf("%.0f s: %.2f MB, %.2f MB after the third round\n", spent(), now, first);
+  return print(seen) != 0 || !(first > 0.0) || now > 1.01 * first ? 1 : 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const long count = argc > 1 ? std::atol(argv[1]) : 2000;
-  Dice dice{std::mt19937(argc > 2 ? static_cast<unsigned>(std::atol(argv[2])) : 1)};
-  std::array<long, 6> codes{};
-  ik_result* kept = nullptr;  // a result of before, for those that start from one
+  const unsigned seed = argc > 2 ? static_cast<unsigned>(std::atol(argv[2])) : 1;
+  if (argc > 3) return soak(count, seed, std::atof(argv[3]));
+  Dice dice{std::mt19937(seed)};
+  Seen seen;
   for (long i = 0; i < count; ++i) {
-    const bool wild = dice.below(4) == 0;  // else most things fit together
-    const NamedVerb& verb = kVerbs[dice.below(wild ? std::size(kVerbs) : 10)];
-    const auto is = [&](std::string_view name) { return verb.name == name; };
-    const KnownModel& model = kModels[dice.below(wild ? std::size(kModels) : 3)];
-    const std::size_t rows = wild ? dice.below(30) : 5 + dice.below(60);
-    const std::size_t ny = wild ? dice.below(3) : model.outputs;
-    const std::size_t nu = wild ? dice.below(2) : model.inputs;
-    const bool inputs_alone = !wild && (is("bound") || is("simulate"));
-    const std::vector<double> y = samples(dice, rows * ny + 1), u = samples(dice, rows * nu + 1);
-    std::vector<double> time = samples(dice, rows + 1);
-    if (!wild) {
-      for (std::size_t k = 0; k < time.size(); ++k) time[k] = static_cast<double>(k);
-    }
-    ik_recording recording{};
-    if (!wild || dice.below(5) != 0) recording.y = y.data();
-    if (!wild || dice.below(5) != 0) recording.u = u.data();
-    if (!wild || dice.below(3) == 0) recording.time = time.data();
-    recording.rows = rows;
-    recording.ny = inputs_alone ? 0 : ny;
-    recording.nu = nu;
-    if (wild && dice.below(2) == 0) recording.step = dice.one_of(kOdd);
-    const char* const names[] = {"y", dice.below(2) == 0 ? "t" : nullptr, "u", ""};
-    const char* const units[] = {dice.below(2) == 0 ? "m" : "nonsense", nullptr, "s", ""};
-    if (wild && dice.below(3) == 0) recording.names = names;
-    if (dice.below(8) == 0) recording.units = units;
-    const ik_result* const previous[] = {kept, wild && dice.below(2) == 0 ? nullptr : kept};
-    const bool of_results = is("validate") || is("compare");
-    const std::size_t previous_count = wild             ? dice.below(3)
-                                       : is("validate") ? 1
-                                       : is("compare")  ? 2
-                                                        : 0;
-    const char* const options =
-        wild && dice.below(2) == 0 ? dice.one_of(kOddOptions) : dice.one_of(verb.options);
-    ik_result* result = nullptr;
-    const std::size_t recordings =
-        wild                                                                 ? dice.below(2)
-        : (inputs_alone && (nu == 0 || options != nullptr)) || is("compare") ? 0
-                                                                             : 1;
-    const int code = ik_run(verb.name, of_results && !wild ? nullptr : model.text,
-                            wild && dice.below(5) == 0 ? nullptr : &recording, recordings,
-                            wild && dice.below(5) == 0 ? nullptr : previous, previous_count,
-                            options, nullptr, dice.below(10) != 0 ? &result : nullptr);
-    if (code < 0 || code > 5) return std::printf("code %d\n", code), 1;
-    ++codes[static_cast<std::size_t>(code)];
-    if (code == 5) std::printf("call %ld: %s\n", i, ik_result_message(result));
-    std::size_t series_rows = 0, cols = 0;
-    ik_result_series(result, "innovations", &series_rows, &cols);
-    if (dice.below(200) == 0) ik_result_report_html(result);
-    const ik_result* const of = dice.below(2) == 0 ? result : kept;
-    if (!step_a_filter(dice, of, model.text)) return std::puts("a filter's code"), 1;
-    if (result != nullptr && code == 0 && dice.below(3) == 0) std::swap(kept, result);
-    ik_result_free(result);
+    if (!call_once(dice, seen)) return 1;
   }
-  ik_result_free(kept);
-  std::printf("%ld calls: codes", count);
-  for (std::size_t code = 0; code < codes.size(); ++code)
-    std::printf(" %zu: %ld", code, codes[code]);
-  std::printf("\n");
-  return codes[5] == 0 ? 0 : 1;
+  ik_result_free(seen.kept);
+  return print(seen);
 }

@@ -388,6 +388,8 @@ SpectralSolution fit_spectrum(const InnovationSpectrum& spectrum, const ShapingS
       if (!(power > 0.0)) power = spectrum.measured.S[0].real().trace();
       x[fit.filter_begin(c)] = std::log(0.3 * power / gain);
     }
+    if (!x.allFinite()) continue;  // outputs that run away have no power to begin with
+    x = x.cwiseMax(problem.lower).cwiseMin(problem.upper);
     const Solution solution = maximise(problem, x, solver);
     if (!(solution.summary.objective > out.log_likelihood)) continue;
     best = solution.x;
