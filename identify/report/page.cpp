@@ -269,9 +269,4 @@ std::string report_page(const std::string& result, const std::string& data) {
   return out += rest;
 }
 
-std::string rebuilt_page(const std::string& path) {
-  const StoredResult stored = read_stored_result(path, PageData::required);
-  return report_page(stored.text, stored.data);
-}
-
 }  // namespace identikal

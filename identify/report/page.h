@@ -15,7 +15,8 @@ namespace identikal {
 ///   too
 std::string report_data_json(const ReportData& data, const std::string& result);
 
-/// The page: HTML with styles, scripts and both JSON texts inside.
+/// The page: HTML with styles, scripts and both JSON texts inside, of a result that was made just now
+/// or read again (read_stored_result() with PageData::required: its text and data).
 ///
 /// Example:
 ///
@@ -23,11 +24,5 @@ std::string report_data_json(const ReportData& data, const std::string& result);
 ///     const ReportData data = report_data(sections_of(estimate), recordings, {}, {});
 ///     const std::string html = report_page(result, report_data_json(data, result));
 std::string report_page(const std::string& result, const std::string& data);
-
-/// The page of a result that was written before.
-/// @param path  result.json or the folder that holds it; kReportDataFile lies beside it
-/// @throws InputError when a file is missing, is not whole, is of another schema version, was
-///   changed, or the two do not belong together
-std::string rebuilt_page(const std::string& path);
 
 }  // namespace identikal

@@ -86,7 +86,7 @@ class Reference(unittest.TestCase):
     def test_bash_completes_verbs_options_and_values(self):
         self.assertEqual(self.complete("identikal tu"), ["tune"])
         self.assertEqual(set(self.complete("identikal ")) & set(verbs()), set(verbs()))
-        self.assertEqual(self.complete("identikal tune --me"), ["--method"])
+        self.assertEqual(self.complete("identikal tune --met"), ["--method"])
         methods = ["ml", "als", "als-weighted", "auto", "bayes"]
         self.assertEqual(sorted(self.complete("identikal tune --method ")), sorted(methods))
         self.assertEqual(self.complete("identikal tune --method b"), ["bayes"])

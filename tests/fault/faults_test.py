@@ -16,7 +16,7 @@ import sys
 import tempfile
 import threading
 
-PROGRAM, LIBRARY = sys.argv[1:3]
+PROGRAM, LIBRARY = (str(pathlib.Path(path).resolve()) for path in sys.argv[1:3])
 FAULTS = int(sys.argv[3]) if len(sys.argv) > 3 else 400
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 KINDS = ["memory", "open", "read", "write", "rename", "sync", "folder", "link", "thread"]
@@ -82,7 +82,7 @@ JOBS = [
     "fit formula.yaml formula.csv --starts 1 -o out --quiet",
     "fit car.yaml car.csv -o out --quiet",
     "check level.yaml level.csv -o out",
-    "track level.yaml level.csv -o out --quiet",
+    "track level.yaml level.csv -o out --quiet --particles 20",
     "filter level.yaml level.csv -o out --smooth",
     "filter level.yaml level.csv --from a",
     "shape level.yaml level.csv --order 1 -o out --quiet",
@@ -101,7 +101,7 @@ JOBS = [
     "export a --to python",
     "export a --to yaml",
     "digest level.yaml long.csv -o out.digest",
-    "study matisko-table-1 -o out",
+    "study sladka-figure-9.2 -o out",
     "fleet status fleet",
     "fleet export fleet",
     "fleet tune level.yaml level.csv other.csv -o drives --threads 1",
@@ -129,7 +129,7 @@ def resumed(place):
     if not (place.path / "drives").exists():
         return ""
     done = place.run("fleet resume drives")
-    whole = done.returncode in (0, 1) or done.returncode == 2 and done.stderr.count(b"\n") == 1
+    whole = done.returncode in (0, 1, 2, 3) and done.stderr.count(b"\n") <= 1 and b"internal error" not in done.stderr
     return "" if whole else f"resume: exit {done.returncode}: {done.stderr.decode(errors='replace')}"
 
 
@@ -248,6 +248,8 @@ class Campaign:
                 return f"{name} is neither the old nor the new one: {said}"
         if done.returncode == code:
             return "" if now == after else f"exit {code}, and not all is written: {said}"
+        if job.startswith("fleet tune") and done.returncode in (2, 3) and not said:
+            return ""  # recordings could not be read: the table says so
         if done.returncode not in (2, 5):
             return f"exit {done.returncode} instead of {code}: {said}"
         if said.count("\n") != lines + 1 or "identikal: " not in said:
