@@ -243,7 +243,12 @@ void refuse_unknown_words(const CLI::App& app, const CLI::ParseError& error) {
   if (const CLI::App* const verb = verb_in(app)) {
     const std::vector<std::string> unknown = verb->remaining();
     const bool extras = error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError);
-    if (unknown.empty() || !extras) return;
+    if (!extras) return;
+    if (unknown.empty() && !app.remaining().empty()) {
+      throw InputError({}, fmt::format("unknown option '{}'", app.remaining().front()), "",
+                       "options stand behind the verb");
+    }
+    if (unknown.empty()) return;
     const std::string name = name_of(*verb);
     throw InputError({}, fmt::format("unexpected argument '{}' of '{}'", unknown.front(), name),
                      fmt::format("'identikal {}{}'", name, arguments_of(*verb)),

@@ -217,6 +217,7 @@ class BadInput(unittest.TestCase):
         self.refused(["unknown option '--bootstrap' of 'tune'; 'fit' has it"], "tune", *NILE, "--bootstrap", 100)
         self.refused(["unknown option '--nonsense' of 'check'; 'identikal check --help'"], "check", *NILE, "--nonsense")
         self.refused(["DATA"], "tune", NILE[0])
+        self.refused(["unknown option '--x'"], "--x", "tune", "\r-ran", "tune", "\r-ran")
         self.refused(["'p'"], "tune", *NILE, "--set", "p=1")
         self.refused(["range"], "tune", *NILE, "--range", "1to5")
         self.refused(["-n"], "simulate", NILE[0])

@@ -31,6 +31,12 @@ class Shape(unittest.TestCase):
         self.data.write_text("y\n" + "".join(f"{y:.9g}\n" for y in rows))
         self.white.write_text("y\n" + "".join(f"{y:.9g}\n" for y in white))
 
+    def test_outputs_that_run_away(self):
+        data = self.path / "powers.csv"
+        data.write_text("y\n" + "".join(f"{1.5 ** k}\n" for k in range(150)))
+        self.model.write_text(SYSTEM_1.replace("A: [[0.5]]", "A: [[1]]").replace("R: {", "initial: diffuse\nR: {"))
+        run("shape", self.model, data, code=1)
+
     def test_the_filter_is_found_and_its_file_works(self):
         out = result("shape", self.model, self.data, "-o", self.path / "out")
         self.assertEqual(out["shaping"]["order"], 2)

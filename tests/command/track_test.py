@@ -2,6 +2,7 @@
 import csv
 import pathlib
 import random
+import resource
 import tempfile
 import unittest
 
@@ -24,6 +25,24 @@ class Track(unittest.TestCase):
             x = 0.5 * x + chance.gauss(0, 1 if t < 300 else 10**0.5)
         self.data = path / "data.csv"
         self.data.write_text("y\n" + "".join(f"{y:.9g}\n" for y in rows))
+
+    def warnings_of(self, rows, *extra):
+        self.data.write_text("y\n" + "".join(f"{y}\n" for y in rows))
+        begin = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        out = result("track", self.model, self.data, *extra, code=1)
+        self.assertLess(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begin, 10)
+        return {w["code"]: w for w in out["warnings"]}
+
+    def test_a_mistake_of_the_sensor_does_not_take_for_ever(self):
+        """The draws of the noise would have to move by a factor of 1e24, stage by stage."""
+        rows = self.data.read_text().split()[1:150]
+        rows[70] = "1e12"
+        self.model.write_text(SYSTEM_1.replace("A: [[0.5]]", "A: [[1]]").replace("R: {", "initial: diffuse\nR: {"))
+        for extra in ([], ["--adaptive"]):
+            self.assertIn("could not follow", self.warnings_of(rows, *extra)["draws_left_behind"]["text"])
+
+    def test_three_rows_are_too_few(self):
+        self.assertEqual("serious", self.warnings_of(["1.5", "-0.7", "2"])["few_samples"]["severity"])
 
     def test_a_change_is_found_and_written(self):
         folder = pathlib.Path(self.folder.name) / "out"
