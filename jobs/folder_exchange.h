@@ -24,6 +24,8 @@ class FolderExchange {
   FolderExchange(FolderExchange&& other) noexcept;
   FolderExchange& operator=(FolderExchange&& other) noexcept;
 
+  /// The folder that changes, without links in its path.
+  const std::filesystem::path& folder() const { return folder_; }
   /// Where the new files are to be written.
   const std::filesystem::path& fresh() const { return fresh_; }
 

@@ -203,13 +203,17 @@ std::vector<FolderExchange> exchanges_of(std::vector<Place>& places,
   return out;
 }
 
-// Where a folder could not change at once, they are still there.
-void remove_stale(const std::vector<Place>& places, const std::vector<std::string>& inputs) {
+// Of folders that did not change at once, where they are still there.
+void remove_stale(const std::vector<Place>& places, const std::set<fs::path>& changed,
+                  const std::vector<std::string>& inputs) {
   std::map<fs::path, std::set<std::string>> by_folder;
   for (const Place& place : places) {
-    by_folder[place.target.parent_path()].insert(place.target.filename().string());
+    const fs::path target = fs::absolute(place.target);
+    by_folder[target.parent_path()].insert(target.filename().string());
   }
   for (const auto& [folder, names] : by_folder) {
+    std::error_code unknown;
+    if (changed.count(fs::canonical(folder, unknown)) > 0) continue;
     for (const std::string& stale : stale_beside(names, inputs)) {
       std::error_code ignored;
       if (names.count(stale) == 0) fs::remove(folder / stale, ignored);
@@ -234,7 +238,12 @@ void write_all(const std::vector<OutputFile>& files, std::vector<Place>& places,
   };
   write_those(true);
   write_those(false);
-  std::erase_if(exchanges, [](FolderExchange& exchange) { return exchange.put_in_place(); });
+  std::set<fs::path> changed;
+  std::erase_if(exchanges, [&](FolderExchange& exchange) {
+    if (!exchange.put_in_place()) return false;
+    changed.insert(exchange.folder());
+    return true;
+  });
   const auto write_beside = [&](std::size_t i) {
     places[i].part = places[i].target.parent_path() / unforeseeable_name();
     return write_part(places[i].part, files[i].content);
@@ -248,7 +257,7 @@ void write_all(const std::vector<OutputFile>& files, std::vector<Place>& places,
     fs::rename(places[i].part, places[i].target, error);
     if (error) give_up(files[i], error.message());
   }
-  remove_stale(places, inputs);
+  remove_stale(places, changed, inputs);
   std::set<fs::path> folders;
   for (const Place& place : places) {
     const fs::path folder = fs::absolute(place.target).parent_path();
