@@ -1,9 +1,10 @@
 // Every input that was kept, then changes of them for a while, without an instrumented build:
-// fuzz_replay TARGET SECONDS FOLDER...
+// fuzz_replay TARGET SECONDS SEED FOLDER...
 // An input that ends the program, or takes longer than ten seconds, is left in fuzz-TARGET.input.
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -67,7 +68,8 @@ std::vector<std::string> inputs_of(const std::vector<std::string>& folders) {
 
 class Changes {
  public:
-  explicit Changes(const std::vector<std::string>& inputs) : inputs_(inputs) {}
+  Changes(const std::vector<std::string>& inputs, std::uint64_t seed)
+      : inputs_(inputs), engine_(seed) {}
 
   std::string next(std::size_t longest) {
     std::string out = one_of(inputs_);
@@ -120,15 +122,15 @@ class Changes {
   }
 
   const std::vector<std::string>& inputs_;
-  std::mt19937_64 engine_{7};
+  std::mt19937_64 engine_;
 };
 
 }  // namespace
 
 int main(int argc, char** argv) {
   const Target* target = argc > 1 ? identikal::fuzz::target_called(argv[1]) : nullptr;
-  if (target == nullptr || argc < 4) {
-    std::fprintf(stderr, "fuzz_replay TARGET SECONDS FOLDER...\n");
+  if (target == nullptr || argc < 5) {
+    std::fprintf(stderr, "fuzz_replay TARGET SECONDS SEED FOLDER...\n");
     return 2;
   }
   left_in = std::string("fuzz-") + target->name + ".input";
@@ -138,11 +140,11 @@ int main(int argc, char** argv) {
   } else {
     std::signal(SIGSEGV, end_by);
   }
-  const std::vector<std::string> inputs = inputs_of({argv + 3, argv + argc});
+  const std::vector<std::string> inputs = inputs_of({argv + 4, argv + argc});
   if (inputs.empty()) return std::fprintf(stderr, "no inputs\n"), 2;
   for (const std::string& input : inputs) run(*target, input);
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(std::atol(argv[2]));
-  Changes changes(inputs);
+  Changes changes(inputs, static_cast<std::uint64_t>(std::atol(argv[3])));
   long count = 0;
   for (; std::chrono::steady_clock::now() < end; ++count)
     run(*target, changes.next(target->longest));
