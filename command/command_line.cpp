@@ -8,6 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
 
 #include "fleet/verbs.h"
 #include "jobs/verbs.h"
@@ -411,6 +412,10 @@ int run_program(int argc, char** argv) noexcept {
     return 2;
   } catch (const std::bad_alloc&) {
     std::cerr << "identikal: " << kNotEnoughMemory << "\n";
+    return 5;
+  } catch (const std::system_error& error) {  // what the system has not given
+    const bool memory = error.code() == std::errc::not_enough_memory;
+    std::cerr << "identikal: " << (memory ? kNotEnoughMemory : error.what()) << "\n";
     return 5;
   } catch (const std::exception& error) {
     std::cerr << "identikal: internal error: " << error.what() << "; please report it\n";

@@ -1,13 +1,13 @@
 #include "command/memory.h"
 
+#include <atomic>
 #include <cerrno>
 #include <charconv>
-#include <cstdlib>
 #include <cstring>
-#include <exception>
 #include <new>
 #include <string_view>
 
+#include "jobs/unfinished_files.h"
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -30,22 +30,7 @@ double bytes_of(std::string_view text) {
   return unit == "GB" ? value * 1e9 : 0.0;
 }
 
-// Nothing here asks for memory.
-[[noreturn]] void say_and_end() {
-  const std::exception_ptr why = std::current_exception();
-  try {
-    if (why) std::rethrow_exception(why);
-  } catch (const std::bad_alloc&) {
-    constexpr std::string_view kBegin = "identikal: ";
-    for (const std::string_view part :
-         {kBegin, std::string_view(kNotEnoughMemory), std::string_view("\n")}) {
-      [[maybe_unused]] const auto written = write(STDERR_FILENO, part.data(), part.size());
-    }
-    _exit(5);
-  } catch (...) {
-  }
-  std::abort();
-}
+std::atomic<bool> ends{false};
 
 }  // namespace
 
@@ -64,6 +49,25 @@ void limit_memory(const std::string& size) {
   }
 }
 
-void end_in_words_without_memory() { std::set_terminate(say_and_end); }
+void end_without_memory() {
+  ends = true;
+  std::set_new_handler([] {
+    memory_has_failed();
+    throw std::bad_alloc();
+  });
+}
+
+void memory_has_failed() noexcept {
+  if (!ends) return;
+  // The first to fail says so; other threads wait for the end.
+  static std::atomic_flag ending = ATOMIC_FLAG_INIT;
+  while (ending.test_and_set()) pause();
+  remove_unfinished();
+  for (const std::string_view part : {std::string_view("identikal: "),
+                                      std::string_view(kNotEnoughMemory), std::string_view("\n")}) {
+    [[maybe_unused]] const auto written = write(STDERR_FILENO, part.data(), part.size());
+  }
+  _exit(5);
+}
 
 }  // namespace identikal

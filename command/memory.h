@@ -13,8 +13,12 @@ constexpr const char* kNotEnoughMemory =
 /// @throws InputError for a text that is no size, less than 50 MB, or where the system refuses it
 void limit_memory(const std::string& size);
 
-/// Destructors of other libraries ask for memory, and an exception that comes out of one ends a
-/// program at once. From here on it ends with kNotEnoughMemory and exit code 5 instead of abort().
-void end_in_words_without_memory();
+/// From here on a request for memory that fails ends the program at once: kNotEnoughMemory, exit
+/// code 5, unfinished files taken away. An exception would not do: a matrix whose memory could not
+/// be had is freed twice on its way out, and destructors of other libraries ask for memory.
+void end_without_memory();
+
+/// What a request for memory that has failed does then; else nothing. Asks for none.
+void memory_has_failed() noexcept;
 
 }  // namespace identikal

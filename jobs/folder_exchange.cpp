@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "jobs/unfinished_files.h"
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <stdio.h>  // renameat2
@@ -51,6 +52,7 @@ std::optional<FolderExchange> FolderExchange::beside(const fs::path& given,
   const fs::path folder = fs::canonical(given, error);
   if (error || !folder.has_relative_path() || !may_be_exchanged(folder)) return std::nullopt;
   const fs::path fresh = folder.parent_path() / unforeseeable_name();
+  note_unfinished(fresh);
   if (mkdir(fresh.c_str(), 0700) != 0) return std::nullopt;
   return FolderExchange(folder, fresh, std::move(names), std::move(stale));
 }
@@ -90,6 +92,9 @@ bool FolderExchange::carry_over() {
     if (names_.count(name) == 0 && stale_.count(name) == 0) others.push_back(name);
   }
   if (error) return false;
+  // These, or behind the exchange the old ones, are to go with the folder.
+  for (const std::string& name : others) note_unfinished(fresh_ / name);
+  for (const std::string& name : stale_) note_unfinished(fresh_ / name);
   return std::all_of(others.begin(), others.end(), [&](const std::string& name) {
     return link((folder_ / name).c_str(), (fresh_ / name).c_str()) == 0;
   });

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "jobs/folder_exchange.h"
+#include "jobs/unfinished_files.h"
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -35,15 +36,8 @@ class Attempt {
  public:
   Attempt() = default;
   ~Attempt() {
-    if (done_) return;
-    std::error_code ignored;
-    for (const Place& place : places) {
-      if (!place.part.empty()) fs::remove(place.part, ignored);
-    }
-    // Inner ones first; one that holds something stays.
-    for (auto folder = made_.rbegin(); folder != made_.rend(); ++folder) {
-      fs::remove(*folder, ignored);
-    }
+    if (!done_) take_away();
+    forget_unfinished();
   }
   Attempt(const Attempt&) = delete;
   Attempt& operator=(const Attempt&) = delete;
@@ -56,6 +50,7 @@ class Attempt {
       missing.push_back(each);
     }
     made_.insert(made_.end(), missing.rbegin(), missing.rend());
+    for (auto each = missing.rbegin(); each != missing.rend(); ++each) note_unfinished(*each);
     fs::create_directories(folder, error);
   }
   void keep() { done_ = true; }
@@ -63,6 +58,17 @@ class Attempt {
   std::vector<Place> places;
 
  private:
+  void take_away() {
+    std::error_code ignored;
+    for (const Place& place : places) {
+      if (!place.part.empty()) fs::remove(place.part, ignored);
+    }
+    // Inner ones first; one that holds something stays.
+    for (auto folder = made_.rbegin(); folder != made_.rend(); ++folder) {
+      fs::remove(*folder, ignored);
+    }
+  }
+
   std::vector<fs::path> made_;  // outer ones first
   bool done_ = false;
 };
@@ -94,6 +100,7 @@ Place place_of(const OutputFile& file, Attempt& attempt) {
 
 // A new file, on the disk when this returns.
 bool write_part(const fs::path& path, const std::string& content) {
+  note_unfinished(path);
   errno = 0;
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (file < 0) return false;
@@ -182,6 +189,13 @@ std::set<std::string> stale_beside(const std::set<std::string>& names,
   return stale;
 }
 
+bool holds_any(const fs::path& folder, const std::set<std::string>& names) {
+  return std::any_of(names.begin(), names.end(), [&](const std::string& name) {
+    std::error_code ignored;
+    return fs::exists(folder / name, ignored);
+  });
+}
+
 // Folders that take several files change at once, where that can be; their parts lie in the new ones.
 std::vector<FolderExchange> exchanges_of(std::vector<Place>& places,
                                          const std::vector<std::string>& inputs) {
@@ -191,9 +205,9 @@ std::vector<FolderExchange> exchanges_of(std::vector<Place>& places,
   }
   std::vector<FolderExchange> out;
   for (const auto& [folder, files] : by_folder) {
-    if (files.size() < 2) continue;
     std::set<std::string> names;
     for (const Place* place : files) names.insert(place->target.filename().string());
+    if (files.size() < 2 && !holds_any(folder, stale_beside(names, inputs))) continue;
     std::optional<FolderExchange> exchange =
         FolderExchange::beside(folder, names, stale_beside(names, inputs));
     if (!exchange) continue;

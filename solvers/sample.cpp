@@ -107,6 +107,10 @@ PosteriorSample sample(const PosteriorProblem& problem, const SampleOptions& opt
   double temperature = 0.0, scale = 2.38 / std::sqrt(static_cast<double>(out.draws.rows()));
   while (temperature < 1.0) {
     const double step = next_step(out.log_likelihood, 1.0 - temperature);
+    if (!(temperature + step > temperature)) {
+      return finish(Termination::no_progress,
+                    "no draw of the prior is near enough to what the likelihood asks for");
+    }
     resample(out, step, random);
     temperature = step >= 1.0 - temperature ? 1.0 : temperature + step;
     const MatrixXd L = spread(out.draws);

@@ -40,13 +40,29 @@ PosteriorSample drawn_from(const ParameterPrior& prior, const Density& log_likel
   return sample(problem, options);
 }
 
+PosteriorPoints points_of(const PosteriorSample& drawn) {
+  PosteriorPoints out;
+  out.coordinates = drawn.draws;
+  out.weight =
+      VectorXd::Constant(drawn.draws.cols(), 1.0 / static_cast<double>(drawn.draws.cols()));
+  out.log_density = drawn.log_prior + drawn.log_likelihood;
+  out.log_evidence = drawn.log_evidence;
+  out.effective = static_cast<double>(drawn.distinct);
+  out.summary = drawn.summary;
+  return out;
+}
+
 // One or two coordinates; some draws show where the posterior is.
 std::optional<PosteriorPoints> on_grid(const ParameterPrior& prior, const Density& log_likelihood,
                                        const NoiseBayesOptions& options) {
   SampleOptions pilot;
   pilot.draws = 400;
   pilot.seed = options.seed;
+  pilot.max_seconds = options.max_seconds;
+  pilot.moved = options.progress;
   const PosteriorSample drawn = drawn_from(prior, log_likelihood, pilot);
+  const Termination ended = drawn.summary.termination;
+  if (ended == Termination::time_limit || ended == Termination::stopped) return points_of(drawn);
   if (!drawn.summary.usable()) return std::nullopt;
   const auto k = static_cast<Index>(prior.coordinates.size());
   LogDensity density{[&](const VectorXd& x) { return prior.log_density(x) + log_likelihood(x); },
@@ -78,16 +94,7 @@ PosteriorPoints by_sampling(const ParameterPrior& prior, const Density& log_like
   sampling.seed = options.seed;
   sampling.max_seconds = options.max_seconds;
   sampling.moved = options.progress;
-  const PosteriorSample drawn = drawn_from(prior, log_likelihood, sampling);
-  PosteriorPoints out;
-  out.coordinates = drawn.draws;
-  out.weight =
-      VectorXd::Constant(drawn.draws.cols(), 1.0 / static_cast<double>(drawn.draws.cols()));
-  out.log_density = drawn.log_prior + drawn.log_likelihood;
-  out.log_evidence = drawn.log_evidence;
-  out.effective = static_cast<double>(drawn.distinct);
-  out.summary = drawn.summary;
-  return out;
+  return points_of(drawn_from(prior, log_likelihood, sampling));
 }
 
 // Where the weights of sorted values reach p. Not lib/base/quantile.h: a point of the posterior

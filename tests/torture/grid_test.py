@@ -53,7 +53,7 @@ MODELS = {
     "regression": "identikal: 1\nmodel: regression\ntime: {column: t, unit: s}\noutputs: {y: {}}\ninputs: {u: {}}\nregression: {inputs: 1, feedback: 1, forgetting: 0.99, delta: 0.01}\n",
 }
 VERBS = {
-    "tune": [[], ["--method", "als"], ["--method", "als-weighted"], ["--method", "bayes", "--draws", "50", "--time-limit", "8"], ["--reject-outliers"], ["--hold-out", "30%"],
+    "tune": [[], ["--method", "als"], ["--method", "als-weighted"], ["--method", "bayes", "--draws", "50", "--time-limit", "5"], ["--reject-outliers"], ["--hold-out", "30%"],
              ["--extend"], ["--starts", "3"], ["--noise", "student"]],
     "fit": [[], ["--robust"], ["--objective", "simulation"], ["--method", "prediction-error"], ["--method", "trajectory"]],
     "check": [[]], "filter": [[], ["--smooth"], ["--lag", "3"]], "track": [[], ["--adaptive"], ["--particles", "20"]], "shape": [[], ["--order", "1"]],
