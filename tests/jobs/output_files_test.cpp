@@ -5,6 +5,7 @@
 #include <sstream>
 #include <thread>
 
+#include "jobs/unfinished_files.h"
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -144,6 +145,32 @@ TEST(OutputFiles, NoInputIsWrittenOver) {
     EXPECT_FALSE(fs::exists(folder / "other"));
     EXPECT_EQ(content_of(folder / "data.csv"), "t,y");
   }
+}
+
+TEST(OutputFiles, WhatIsUnfinishedIsTakenAway) {
+  const Scratch folder;
+  std::ofstream(folder / "kept") << "1";
+  fs::create_directory(folder / "made");
+  std::ofstream(folder / "made/part") << "2";
+  note_unfinished(folder / "made");
+  note_unfinished(folder / "made/part");
+  note_unfinished(folder / "never made");
+  remove_unfinished();
+  EXPECT_EQ(folder.count(), 1);
+  forget_unfinished();
+  write_files({{folder / "two", "2"}});
+  remove_unfinished();
+  EXPECT_EQ(content_of(folder / "two"), "2");
+}
+
+TEST(OutputFiles, AResultOfOneFileLeavesNothingOfAnEarlierOne) {
+  const Scratch folder;
+  write_files({{folder / "out/result.json", "1"}, {folder / "out/residuals.csv", "1"}});
+  std::ofstream(folder / "out/notes.txt") << "mine";
+  write_files({{folder / "out/result.json", "2"}});
+  EXPECT_EQ(content_of(folder / "out/result.json"), "2");
+  EXPECT_FALSE(fs::exists(folder / "out/residuals.csv"));
+  EXPECT_EQ(content_of(folder / "out/notes.txt"), "mine");
 }
 
 }  // namespace
