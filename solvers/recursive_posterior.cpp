@@ -103,7 +103,8 @@ constexpr Index kSamplesOfAStart = 20;
 
 bool may_work_on(const RecursivePosterior& posterior) {
   constexpr Index kPerSample = 300;
-  return posterior.work < kPerSample * (posterior.samples_before + posterior.samples + kSamplesOfAStart);
+  return posterior.work <
+         kPerSample * (posterior.samples_before + posterior.samples + kSamplesOfAStart);
 }
 
 // Makes the draws equally likely: by stages, where the last samples have left but a few of them.

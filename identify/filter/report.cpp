@@ -465,8 +465,8 @@ MatrixXd without_negative_rounding(const MatrixXd& P) {
   const VectorXd per_sd = (sd.array() > 0.0).select(sd.cwiseInverse(), 0.0);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> correlation(per_sd.asDiagonal() * P *
                                                             per_sd.asDiagonal());
-  const bool definite = (P.diagonal().array() >= 0.0).all() &&
-                        correlation.eigenvalues().minCoeff() >= 0.0;
+  const bool definite =
+      (P.diagonal().array() >= 0.0).all() && correlation.eigenvalues().minCoeff() >= 0.0;
   if (definite || !P.allFinite()) return P;
   const MatrixXd factor = sd.asDiagonal() * correlation.eigenvectors() *
                           correlation.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
