@@ -52,6 +52,9 @@ void take_json_options(const Verb& verb, const std::string& text) {
   } catch (const Json::parse_error& error) {
     throw InputError({}, fmt::format("the options are no JSON: they break at byte {}", error.byte),
                      "{\"starts\": 1} or the like");
+  } catch (const Json::out_of_range&) {
+    throw InputError({}, "the options hold a number that is too large",
+                     "{\"starts\": 1} or the like");
   }
   if (!given.is_object()) {
     throw InputError({}, "the options are no JSON object", "{\"starts\": 1} or the like");

@@ -71,6 +71,7 @@ TEST(Calls, EveryMistakeIsOneLine) {
       {"tune", kLevel, nullptr, {}, "without a recording"},
       {"tune", kLevel, "[]", {good}, "no JSON object"},
       {"tune", kLevel, "{", {good}, "no JSON: they break at byte 2"},
+      {"tune", kLevel, R"({"starts": 1e991})", {good}, "a number that is too large"},
       {"tune", kLevel, R"({"start": 1})", {good}, "unknown option 'start'"},
       {"tune", kLevel, R"({"json": true})", {good}, "unknown option 'json'"},
       {"tune", kLevel, R"({"starts": 0})", {good}, "a whole number from 1 to 1000"},
