@@ -26,10 +26,12 @@ std::optional<MatrixXd> CurvatureCorrection::apply(const MatrixXd& information,
   const MatrixXd corrected = information + E_;
   const auto m = static_cast<Index>(free.size());
   MatrixXd J(m, m), B(m, m);
+  // Not the root of a product: with noise of 1e84 that is zero.
+  const VectorXd root = information.diagonal().cwiseMax(0.0).cwiseSqrt();
   for (Index i = 0; i < m; ++i) {
     for (Index j = 0; j < m; ++j) {
       const Index ii = free[i], jj = free[j];
-      const double scale = std::sqrt(information(ii, ii) * information(jj, jj));
+      const double scale = root[ii] * root[jj];
       if (!(scale > 0.0)) return std::nullopt;
       J(i, j) = information(ii, jj) / scale;
       B(i, j) = corrected(ii, jj) / scale;

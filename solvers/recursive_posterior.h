@@ -73,9 +73,9 @@ void weights(const RecursivePosterior& posterior, Eigen::VectorXd& out);
 /// replaced by copies of the strong and all are moved by random-walk Metropolis steps, for which
 /// the bank runs over the samples again. So the draws are from the posterior of all samples at any
 /// time, and the work of a long recording is a few times that of its filters, as renewals become
-/// rarer as fast as they become longer. A sample that all draws are as far from as a sensor's mistake
-/// of 1e12 would take hundreds of stages: there the draws stay what the nearest of them is. Nothing is allocated but for those and, whenever their number
-/// has doubled, for the samples.
+/// rarer as fast as they become longer. A sample that all draws are as far from as a sensor's
+/// mistake of 1e12 would take hundreds of stages: there the draws become copies of the nearest.
+/// Nothing is allocated but for renewals and, whenever their number has doubled, for the samples.
 ///
 /// Matisko (2013), section 4.6, lets a replaced member inherit weight and state of its nearest
 /// neighbour, "as the likelihood of all data cannot be computed for it", and perturbs it by a noise

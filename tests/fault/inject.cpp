@@ -91,6 +91,11 @@ void write_counts() {
   close(file);
 }
 
+// The third argument, which open() has where it may make a file.
+unsigned mode_given(int flags, va_list more) {
+  return (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(more, unsigned) : 0;
+}
+
 using Main = int (*)(int, char**, char**);
 Main real_main = nullptr;
 
@@ -135,7 +140,7 @@ int open(const char* path, int flags, ...) {
   if (fails(open_)) return -1;
   va_list more;
   va_start(more, flags);
-  const unsigned mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(more, unsigned) : 0;
+  const unsigned mode = mode_given(flags, more);
   va_end(more);
   return real(path, flags, mode);
 }
@@ -145,7 +150,7 @@ int open64(const char* path, int flags, ...) {
   if (fails(open_)) return -1;
   va_list more;
   va_start(more, flags);
-  const unsigned mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(more, unsigned) : 0;
+  const unsigned mode = mode_given(flags, more);
   va_end(more);
   return real(path, flags, mode);
 }

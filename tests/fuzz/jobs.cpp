@@ -1,7 +1,6 @@
 // Whole jobs, as the command line and as a program in C asks for them. What is asked for ends after a while: the search
 // is told to stop. Files are neither written nor read but those that are given here.
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <chrono>
 #include <cstdlib>

@@ -3,9 +3,7 @@
 #include <string>
 
 #include "identify/model/model_file.h"
-#include "identify/model/recording.h"
 #include "identify/model/yaml_reader.h"
-#include "identify/report/page.h"
 #include "identify/result/estimated_model.h"
 #include "identify/result/export.h"
 #include "identify/result/file.h"
