@@ -38,6 +38,7 @@ Outcome check(const CheckOptions& options, Call& call) {
   require_filter(model, run.verb);
   Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
+  model = joint_model(std::move(model), recordings);
   model = going_on_from_rows_before(std::move(model), options.recordings, recordings, call.inputs);
   const auto estimate = std::make_shared<OptimalityReport>(check(model, recordings.data));
   if (run.wants_pictures()) picture_filter(model, recordings.data, *estimate);

@@ -116,6 +116,7 @@ Outcome filter(const FilterOptions& given, Call& call) {
   const Findings origin = findings_of_origin(given.model, call.inputs);
   recordings.findings.insert(recordings.findings.begin(), origin.begin(), origin.end());
   take_period(model, recordings.data.front());
+  model = joint_model(std::move(model), recordings);
   model = going_on_from_rows_before(std::move(model), given.recordings, recordings, call.inputs);
   FilterRunOptions options;
   if (given.smooth) options.lag.reset();

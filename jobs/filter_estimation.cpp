@@ -7,6 +7,7 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/pictures.h"
 #include "identify/filter/recordings_check.h"
+#include "identify/model/own_parameters.h"
 #include "identify/model/simulation_model.h"
 #include "lib/base/error.h"
 
@@ -23,6 +24,14 @@ void validate_on(const std::vector<HeldOut>& held_out, const Model& model, Recor
     const auto rows = static_cast<long>(data.size());
     estimate.inputs.push_back({data.name, "", rows, rows});
   }
+}
+
+// Rows of a recording have its parameters; another recording's have to be known.
+void place_held_out(Model& model, HeldOut& held) {
+  if (model.recordings.empty() || !held.recording.own.empty()) return;
+  std::vector<Dataset> one{std::move(held.recording)};
+  place_recordings(model, one);
+  held.recording = std::move(one.front());
 }
 
 }  // namespace
@@ -49,8 +58,10 @@ Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& opt
                         const FilterEstimator& estimator, const ModelPreparation& prepare) {
   Recordings recordings = load_recordings(options, model, run.verb, run.call.inputs);
   take_period(model, recordings.data.front());
-  const std::vector<HeldOut> held =
+  model = joint_model(std::move(model), recordings);
+  std::vector<HeldOut> held =
       hold_out(held_out, model, parse_range(options.range), recordings, run.call.inputs);
+  for (HeldOut& each : held) place_held_out(model, each);
   for (const HeldOut& each : held) {
     check_inputs({each.recording});
     check_period(model, recordings.data.front(), each.recording);

@@ -22,6 +22,7 @@ struct FitOptions {
   std::string method;  // of a vehicle; empty: output-error
   std::string structure;
   std::string objective;  // of formulas; empty: one-step
+  std::string errors;     // of a filter's model; empty: residuals
   bool robust = false, reject_outliers = false;
   std::int64_t bootstrap = 0, seconds = 0;
 };
@@ -86,6 +87,7 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     NoiseMlOptions options = likelihood_options(given.search, run);
     if (simulation) options.objective = FitObjective::simulation;
+    if (given.errors == "likelihood") options.errors = NoiseSize::likelihood;
     return tune_ml(of, recordings, options);
   };
   return estimate_filter(run, std::move(model), given.recordings, given.search.hold_out,
@@ -103,10 +105,21 @@ Outcome fit(const FitOptions& options, Call& call) {
     throw InputError({model.source, 0, 0}, "--objective does not apply to a vehicle",
                      "--method output-error: a simulation; prediction-error: one step ahead");
   }
+  if (!options.errors.empty() && (is_vehicle(model) || simulation)) {
+    throw InputError({model.source, 0, 0},
+                     fmt::format("--errors does not apply to {}",
+                                 simulation ? "--objective simulation" : "a vehicle"),
+                     "a model whose errors one step ahead are white");
+  }
   if (simulation && (options.reject_outliers || options.robust)) {
     throw InputError({model.source, 0, 0}, "--reject-outliers with --objective simulation",
                      "one of the two",
                      "errors of a simulation are not white, and look like outliers");
+  }
+  if (!model.recordings.empty() && model.student) {
+    throw InputError({model.source, 0, 0},
+                     "Student's t and parameters with values of their own in each recording",
+                     "one of the two");
   }
   return is_vehicle(model) ? fit_a_vehicle(options, run, model)
                            : fit_a_filter(options, run, std::move(model));
@@ -135,6 +148,11 @@ Verb fit_verb() {
              "predicts the next sample; simulation: those of a simulation from a start that is "
              "unknown, however coloured they are.",
              "one-step");
+  add_choice(verb, "--errors", options->errors, {"residuals", "likelihood"},
+             "Formulas without process noise: Choose the size of the noise in standard errors. "
+             "residuals: the sum of squares over n - p, with Student's t, as in regression; "
+             "likelihood: over n.",
+             "residuals");
   add_choice(verb, "--structure", options->structure, {"as-written", "auto"},
              "Vehicle: Choose what becomes of lags, roll and bending tyres that the model does not "
              "have. as-written: they widen the errors; auto: the values are those with all of them "

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "jobs/quantity.h"
 #include <fmt/format.h>
@@ -12,6 +13,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/model/model_file.h"
 #include "identify/model/output_conditions.h"
+#include "identify/model/own_parameters.h"
 #include "identify/model/row_selection.h"
 #include "identify/model/simulation_model.h"
 #include "identify/result/file.h"
@@ -79,6 +81,18 @@ void refuse_student(const Model& model, const std::string& verb) {
       "no kind: student under noise", "tune, fit, filter, check and validate take it");
 }
 
+void refuse_own_parameters(const Model& model, const std::string& verb) {
+  static const std::vector<std::string> kTakeThem = {"tune", "fit", "filter", "check", "simulate"};
+  if (model.recordings.empty() ||
+      std::find(kTakeThem.begin(), kTakeThem.end(), verb) != kTakeThem.end()) {
+    return;
+  }
+  throw InputError({model.source, 0, 0},
+                   fmt::format("'{}' takes no parameters with values of their own in each recording",
+                               verb),
+                   "a model without 'per' and 'recordings'", "tune, fit, filter and check take them");
+}
+
 }  // namespace
 
 Model load_any_model(const ModelOptions& options, Inputs& inputs) {
@@ -93,6 +107,7 @@ Model load_model(const ModelOptions& options, const std::string& verb, Inputs& i
                      "identikal track MODEL DATA");
   }
   refuse_student(model, verb);
+  refuse_own_parameters(model, verb);
   return with_options(std::move(model), options, inputs);
 }
 
@@ -381,6 +396,22 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
   return out;
 }
 
+Model joint_model(Model model, Recordings& recordings) {
+  if (model.recordings.empty()) return model;
+  std::map<std::string, std::string> paths;
+  for (const InputRecord& record : recordings.records) {
+    const std::string name = std::filesystem::path(record.path).filename().string();
+    const auto [first, is_new] = paths.try_emplace(name, record.path);
+    if (is_new) continue;
+    throw InputError({record.path, 0, 0},
+                     fmt::format("is called as {}, and parameters have values of their own in each "
+                                 "recording, by its file's name",
+                                 first->second),
+                     "files of different names, each once");
+  }
+  return for_recordings(std::move(model), recordings.data);
+}
+
 namespace {
 
 // The rows before a recording that a range has cut, and how many they are; none: nothing to go on
@@ -396,6 +427,7 @@ std::pair<Dataset, Eigen::Index> with_rows_before(const std::string& file, const
   }
   // Of rows that use_when or a missing input cuts, those from the last cut on.
   Dataset& whole = all.back();
+  whole.own = recording.own;
   Eigen::Index from = 0;
   while (from < whole.size() && whole.time[from] < recording.time[0]) ++from;
   if (whole.size() - from != recording.size()) from = 0;

@@ -55,6 +55,9 @@ struct Recordings {
 /// Those of all DATA arguments. @throws InputError
 Recordings load_recordings(const RecordingOptions& options, const Model& model,
                            const std::string& verb, Inputs& inputs);
+/// The model of these recordings together (identify/model/own_parameters.h). @throws InputError also where two
+/// files have one name
+Model joint_model(Model model, Recordings& recordings);
 /// A model file that names no sampling period has the recording's.
 void take_period(Model& model, const Dataset& data);
 /// The model, in the state that its filter comes to through the rows before --range, where that is a

@@ -11,6 +11,7 @@
 #include "identify/model/components.h"
 #include "identify/model/heavy_tails.h"
 #include "identify/model/model_file.h"
+#include "identify/model/row_order.h"
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
 #include "identify/noise/bayes.h"
@@ -257,6 +258,19 @@ Outcome tune_student_noise(const TuneOptions& options, const Run& run) {
   return finish(run, recordings, std::move(out), {{kStudentModel, text}});
 }
 
+void refuse_beside_own_parameters(const TuneOptions& options, const Model& model) {
+  for (const auto& [given, what] :
+       {std::pair{options.noise == kStudent || model.student.has_value(), "Student's t"},
+        std::pair{options.purpose == kEstimates, "--for estimates"},
+        std::pair{options.extend, "--extend"}}) {
+    if (!given) continue;
+    throw InputError({model.source, 0, 0},
+                     fmt::format("{} and parameters with values of their own in each recording",
+                                 what),
+                     "one of the two");
+  }
+}
+
 void refuse_beside_digests(const TuneOptions& options) {
   for (const auto& [given, name] : {std::pair{options.method != "ml", "--method"},
                                     std::pair{options.purpose == kEstimates, "--for estimates"},
@@ -299,7 +313,8 @@ Outcome tune_digests(const TuneOptions& options, const Run& run, Model model) {
 // Of the model file as it is, and where the likelihood chose.
 bool weighs_further_parts(const TuneOptions& options, const Model& model) {
   return options.method == "ml" && !options.reject_outliers && options.model.filter.empty() &&
-         !model.states.empty() && !model.student;
+         !model.states.empty() && !model.student && model.recordings.empty() &&
+         !rows_have_no_order(model, model.parameters);
 }
 
 Outcome tune(const TuneOptions& options, Call& call) {
@@ -313,6 +328,7 @@ Outcome tune(const TuneOptions& options, Call& call) {
     return tune_digests(options, run, std::move(model));
   }
   const bool becomes_student = options.noise == kStudent && !model.student;
+  if (!model.recordings.empty()) refuse_beside_own_parameters(options, model);
   if (becomes_student || model.student) refuse_beside_student(options);
   if (becomes_student) return tune_student_noise(options, run);
   if (options.extend) return tune_further(options, run, std::move(model));

@@ -29,7 +29,7 @@ std::vector<EstimatedParameter*> judged(Estimate& estimate) {
 
 // Marks what the data say nothing about; returns who is left with a meaningful standard error.
 std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParameter*>& free,
-                            const MatrixXd& information) {
+                            const MatrixXd& information, double flat) {
   const auto k = static_cast<Index>(free.size());
   std::vector<bool> sound(free.size(), true);
   VectorXd scale = VectorXd::Zero(k);
@@ -51,7 +51,7 @@ std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParam
   double smallest = largest;
   for (Index j = 0; j < k; ++j) {
     const double value = eigen.eigenvalues()[j];
-    if (value > kFlat * largest) {
+    if (value > flat * largest) {
       ++out.rank;
       smallest = std::min(smallest, value);
       continue;
@@ -163,7 +163,7 @@ double relative_error(const EstimatedParameter& p) {
 }
 
 void judge_parameters(Estimate& estimate, const MatrixXd& information, const MatrixXd& covariance,
-                      double quantile) {
+                      double quantile, double flat) {
   const std::vector<EstimatedParameter*> free = judged(estimate);
   const auto k = static_cast<Index>(free.size());
   if (information.rows() != k || information.cols() != k || covariance.rows() != k ||
@@ -171,7 +171,7 @@ void judge_parameters(Estimate& estimate, const MatrixXd& information, const Mat
     throw std::invalid_argument("judge_parameters: matrices do not fit the free parameters");
   }
   if (k == 0) return;
-  const std::vector<bool> sound = find_flat(estimate, free, information);
+  const std::vector<bool> sound = find_flat(estimate, free, information, flat);
   VectorXd se = VectorXd::Constant(k, kNone);
   for (Index i = 0; i < k; ++i) {
     EstimatedParameter& p = *free[i];

@@ -163,10 +163,12 @@ double relative_error(const EstimatedParameter& p);
 ///   that the data do not identify
 /// @param covariance   k x k; what `se` is taken from (it need not be the inverse of `information`)
 /// @param quantile     half-width of the 95 % interval in standard errors
+/// @param flat         share of the largest below which an eigenvalue carries no information
 ///
 /// A parameter in such a direction gets neither standard error nor interval.
 /// @throws std::invalid_argument when a matrix is not k x k
 void judge_parameters(Estimate& estimate, const Eigen::MatrixXd& information,
-                      const Eigen::MatrixXd& covariance, double quantile = 1.959963984540054);
+                      const Eigen::MatrixXd& covariance, double quantile = 1.959963984540054,
+                      double flat = kFlat);
 
 }  // namespace identikal

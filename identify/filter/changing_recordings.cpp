@@ -1,5 +1,6 @@
 #include "identify/filter/changing_recordings.h"
 
+#include "identify/model/own_parameters.h"
 #include "lib/filter/simulation.h"
 
 namespace identikal {
@@ -37,7 +38,7 @@ struct Prepared {
         inputs(model_inputs(noise_model(model), recording.u)),
         scale(recording.noise_scale),
         model_at_sample(model_at(sampled, scale)) {
-    sampled.set_parameters(at, false);
+    sampled.set_parameters(values_in(at, recording), false);
   }
   Prepared(const Prepared&) = delete;
   Prepared& operator=(const Prepared&) = delete;

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter/changing_recordings.h"
+#include "identify/model/own_parameters.h"
 #include "lib/base/constants.h"
 #include "lib/nonlinear/integration_steps.h"
 
@@ -86,6 +87,7 @@ NonlinearFilterOptions filter_options(const FormulaModel& model, const Dataset& 
   out.method = model.filter;
   out.noise = model.noise.noise;
   out.wraps = model.wraps;
+  out.scales = model.noise_scales ? &*model.noise_scales : nullptr;
   return out;
 }
 
@@ -163,9 +165,11 @@ Integration integration_from(const Model& model, const ParameterSet& at, const D
 
 }  // namespace
 
-Integration integration_of(const Model& model, const ParameterSet& at, const Dataset& recording) {
+Integration integration_of(const Model& model, const ParameterSet& given,
+                           const Dataset& recording) {
   const FormulaModel& formulas = as_formulas(model);
   if (formulas.linear) return {};
+  const ParameterSet at = values_in(given, recording);
   return integration_from(model, at, recording, written_matrices(formulas.noise, at));
 }
 
@@ -214,8 +218,9 @@ NonlinearSteps::NonlinearSteps(const Model& model, const Dataset& recording)
       nodes_(filter_nodes(model, model.parameters, recording)),
       memory_(make_memory(as_formulas(model).equations)) {}
 
-void NonlinearSteps::set(const ParameterSet& at) {
+void NonlinearSteps::set(const ParameterSet& given) {
   const FormulaModel& formulas = as_formulas(model_);
+  const ParameterSet at = values_in(given, recording_);
   set_parameters(formulas.equations, memory_, formula_parameters(formulas, at));
   noise_ = noise_of(written_matrices(formulas.noise, at), recording_);
   if (!noise_.R.isDiagonal(0.0)) {
@@ -374,26 +379,29 @@ namespace {
 NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Dataset& recording,
                                                 Random& random) {
   const FormulaModel& formulas = as_formulas(model);
-  const FilterNoise noise = noise_of(written_matrices(formulas.noise, model.parameters));
+  const ParameterSet at = values_in(model.parameters, recording);
+  const FilterNoise noise = noise_of(written_matrices(formulas.noise, at));
   const Integration integration =
-      motion_integration(model, model.parameters, recording, noise.x0, noise.Q.isZero(0.0));
+      motion_integration(model, at, recording, noise.x0, noise.Q.isZero(0.0));
   const IntegrationSteps& steps = integration.steps;
   if (!integration.controlled && steps.status == StepStatus::not_finite) {
     refuse_motion(model, recording, recording.time[steps.sample]);
   }
   NonlinearRealisation out = simulate_nonlinear_outputs(
-      formulas.equations, formula_parameters(formulas, model.parameters), noise,
-      formulas.noise.noise, nodes_in(formulas, recording, integration), random);
+      formulas.equations, formula_parameters(formulas, at), noise,
+      formulas.noise.noise, nodes_in(formulas, recording, integration), random,
+      formulas.noise_scales ? &*formulas.noise_scales : nullptr);
   for (Index k = 0; integration.controlled && k < out.x.cols(); ++k) {
     if (!out.x.col(k).allFinite()) refuse_motion(model, recording, recording.time[k]);
   }
   return out;
 }
 
-MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Dataset& recording,
+MatrixXd noise_free_outputs(const Model& model, const ParameterSet& given, const Dataset& recording,
                             const Eigen::Ref<const VectorXd>& x) {
   const FormulaModel& formulas = as_formulas(model);
-  if (formulas.linear) return noise_free_changing_outputs(model, at, recording, x);
+  if (formulas.linear) return noise_free_changing_outputs(model, given, recording, x);
+  const ParameterSet at = values_in(given, recording);
   FilterNoise noise = zero_noise(formulas.equations);
   noise.x0 = x;
   const Integration integration = motion_integration(model, at, recording, x, true);
@@ -404,10 +412,11 @@ MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at, const Da
       .y;
 }
 
-MatrixXd transition_along(const Model& model, const ParameterSet& at, const Dataset& recording,
+MatrixXd transition_along(const Model& model, const ParameterSet& given, const Dataset& recording,
                           const Eigen::Ref<const MatrixXd>& states) {
   const FormulaModel& formulas = as_formulas(model);
-  if (formulas.linear) return changing_transition(model, at, recording);
+  if (formulas.linear) return changing_transition(model, given, recording);
+  const ParameterSet at = values_in(given, recording);
   ModelMemory memory = make_memory(formulas.equations);
   set_parameters(formulas.equations, memory, formula_parameters(formulas, at));
   const InputNodes nodes = filter_nodes(model, at, recording);
@@ -421,18 +430,20 @@ MatrixXd transition_along(const Model& model, const ParameterSet& at, const Data
   return out;
 }
 
-FilterResult nonlinear_filter(const Model& model, const ParameterSet& at, const Dataset& recording,
-                              Keep keep) {
+FilterResult nonlinear_filter(const Model& model, const ParameterSet& given,
+                              const Dataset& recording, Keep keep) {
   const FormulaModel& formulas = as_formulas(model);
+  const ParameterSet at = values_in(given, recording);
   return nonlinear_filter(formulas.equations, formula_parameters(formulas, at),
                           noise_of(written_matrices(formulas.noise, at), recording),
                           filter_nodes(model, at, recording), recording.y,
                           filter_options(formulas, recording), keep);
 }
 
-SmootherResult nonlinear_smoother(const Model& model, const ParameterSet& at,
+SmootherResult nonlinear_smoother(const Model& model, const ParameterSet& given,
                                   const Dataset& recording, std::optional<Index> lag) {
   const FormulaModel& formulas = as_formulas(model);
+  const ParameterSet at = values_in(given, recording);
   return nonlinear_smoother(formulas.equations, formula_parameters(formulas, at),
                             noise_of(written_matrices(formulas.noise, at), recording),
                             filter_nodes(model, at, recording), recording.y,

@@ -14,8 +14,10 @@
 #include <Eigen/SVD>
 #include <fmt/format.h>
 
+#include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/model_filter.h"
+#include "lib/base/constants.h"
 #include "lib/base/median.h"
 #include "lib/data/units.h"
 #include "lib/filter/gated_innovations.h"
@@ -117,17 +119,37 @@ Farthest largest_of(const MatrixXd& e, Index t, const VectorXd& deviation) {
   return out;
 }
 
-// Robust standard deviations of every output's innovations, as they are and whitened.
+// Robust standard deviations of every output's innovations, as they are and whitened, and what a
+// whitened one may be by chance.
 struct Deviations {
   VectorXd plain, white;
+  double by_chance = 0.0;
 };
 
+// In a short recording the median says little: there a sample is off where Student's t of its
+// innovation, with its own left out of the variance, is too large for the largest of all. Zero for
+// others. Source: Cook & Weisberg (1982), section 2.2.2.
+double largest_by_chance(const std::vector<FilterResult>& now, const ParameterSet& parameters) {
+  constexpr double kShort = 100.0, kLevel = 1e-3;
+  double count = 0.0, squares = 0.0;
+  for (const FilterResult& filter : now) {
+    const auto square = filter.standardised.array().square();
+    count += static_cast<double>((square == square).count());
+    squares += square.isNaN().select(0.0, square).sum();
+  }
+  if (!(count < kShort)) return 0.0;
+  const double freedom = count - static_cast<double>(free_entries(parameters).size());
+  if (!(freedom > 2.0)) return kInfinity;
+  const double t = student_t_quantile(1.0 - 0.5 * kLevel / count, freedom - 1.0);
+  return std::sqrt(squares * t * t / (freedom - 1.0 + t * t));
+}
+
 Deviations robust_deviations(const std::vector<Dataset>& recordings,
-                             const std::vector<FilterResult>& now,
+                             const ParameterSet& parameters, const std::vector<FilterResult>& now,
                              const std::vector<Still>& still) {
   const std::vector<Channel>& outputs = recordings[0].outputs;
   const auto ny = static_cast<Index>(outputs.size());
-  Deviations out{VectorXd(ny), VectorXd(ny)};
+  Deviations out{VectorXd(ny), VectorXd(ny), largest_by_chance(now, parameters)};
   for (Index i = 0; i < ny; ++i) {
     if (outputs[static_cast<std::size_t>(i)].is_pseudo) {
       out.plain[i] = out.white[i] = kNone;  // nothing is larger
@@ -144,8 +166,9 @@ Deviations robust_deviations(const std::vector<Dataset>& recordings,
 std::optional<Outlier> outlier_at(const FilterResult& now, std::size_t recording, Index t,
                                   const Deviations& deviation) {
   // Whitened: at the start, and after gaps, innovations are larger by rights.
-  const double size = largest_of(now.standardised, t, deviation.white).size;
+  const auto [farthest, size] = largest_of(now.standardised, t, deviation.white);
   if (!(std::isfinite(size) && size > kOutlier)) return std::nullopt;
+  if (size * deviation.white[farthest] < deviation.by_chance) return std::nullopt;
   // One of a sample disturbs the others' whitened values: the channel shows unwhitened.
   return Outlier{recording, largest_of(now.e, t, deviation.plain).channel, t, size};
 }
@@ -221,7 +244,7 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
   std::vector<Still> still;
   for (const Dataset& data : recordings) still.push_back(still_samples(data));
   for (int pass = 0; pass < most_passes; ++pass) {
-    const Deviations deviation = robust_deviations(recordings, now, still);
+    const Deviations deviation = robust_deviations(recordings, parameters, now, still);
     if (!any_outlier(now, deviation)) break;
     const std::vector<Outlier> found =
         gated ? outliers_by_gate(model, parameters, deviation, rest, now)

@@ -8,6 +8,7 @@
 #include "identify/filter/leading_samples.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_check.h"
+#include "identify/model/own_parameters.h"
 #include "identify/model/parameter_prior.h"
 #include "lib/base/constants.h"
 
@@ -35,6 +36,33 @@ const std::vector<Dataset> kNoRecordings;
 
 }  // namespace
 
+struct RecordingsLikelihood::Part {
+  Model model;
+  std::vector<Dataset> recording;
+  std::vector<Eigen::Index> entries;  // of the joint model, one for each free one of this
+  RecordingsLikelihood likelihood;
+
+  Part(const Model& joint, const Dataset& of, EvaluationMethod method)
+      : model(model_in(joint, of)),
+        recording{of},
+        entries(joint_entries(joint, of)),
+        likelihood(model, alone(recording), method) {}
+
+  // Its own values stand in the model now.
+  static const std::vector<Dataset>& alone(std::vector<Dataset>& recording) {
+    recording.front().own.clear();
+    return recording;
+  }
+
+  ParameterSet values(const ParameterSet& joint, const Dataset& of) const {
+    ParameterSet out = values_in(joint, of);
+    for (std::size_t i = 0; i < out.size(); ++i) out[i].fixed = model.parameters[i].fixed;
+    return out;
+  }
+};
+
+RecordingsLikelihood::~RecordingsLikelihood() = default;
+
 RecordingsLikelihood::RecordingsLikelihood(const Model& model,
                                            const std::vector<RecordingDigest>& digests)
     : RecordingsLikelihood(model, kNoRecordings) {
@@ -49,6 +77,8 @@ RecordingsLikelihood::RecordingsLikelihood(const Model& model,
   for (const Parameter& p : model.parameters) {
     curved_ = curved_ || (!p.fixed && p.domain == Domain::positive_definite);
   }
+  part_recordings();
+  if (!parts_.empty()) return;
   if (changes(model)) {
     changing_.emplace(model, recordings);
     return;
@@ -66,6 +96,43 @@ RecordingsLikelihood::RecordingsLikelihood(const Model& model,
   }
 }
 
+void RecordingsLikelihood::part_recordings() {
+  const bool differ = std::any_of(recordings_.begin(), recordings_.end(),
+                                  [](const Dataset& data) { return !data.own.empty(); });
+  if (!differ) return;
+  for (const Dataset& data : recordings_) {
+    parts_.push_back(std::make_unique<Part>(model_, data, method_));
+  }
+}
+
+const Likelihood& RecordingsLikelihood::evaluate_parts(const ParameterSet& at,
+                                                       bool with_gradient) {
+  const Eigen::Index k = with_gradient ? free_entries(at).size() : 0;
+  of_parts_.status = FilterStatus::ok;
+  of_parts_.value = 0.0;
+  of_parts_.gradient.setZero(k);
+  of_parts_.information.setZero(k, k);
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    Part& part = *parts_[i];
+    const Likelihood* one = part.likelihood.evaluate(part.values(at, recordings_[i]), with_gradient);
+    if (one == nullptr) {
+      of_parts_.status = FilterStatus::indefinite;
+      return of_parts_;
+    }
+    of_parts_.value += one->value;
+    if (!with_gradient) continue;
+    for (std::size_t a = 0; a < part.entries.size(); ++a) {
+      const auto from = static_cast<Eigen::Index>(a);
+      of_parts_.gradient[part.entries[a]] += one->gradient[from];
+      for (std::size_t b = 0; b < part.entries.size(); ++b) {
+        of_parts_.information(part.entries[a], part.entries[b]) +=
+            one->information(from, static_cast<Eigen::Index>(b));
+      }
+    }
+  }
+  return of_parts_;
+}
+
 std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
   if (digests_ != nullptr) {
     auto out = std::make_unique<RecordingsLikelihood>(model_, *digests_);
@@ -74,6 +141,14 @@ std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
   }
   auto out = std::make_unique<RecordingsLikelihood>(model_, recordings_, method_);
   if (nonlinear_) out->nonlinear_.emplace(*nonlinear_);  // as fine as this one
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    if (const auto& fine = parts_[i]->likelihood.nonlinear_) {
+      out->parts_[i]->likelihood.nonlinear_.emplace(*fine);
+    }
+    if (!parts_[i]->likelihood.first_outputs_.empty()) {
+      out->parts_[i]->likelihood.condition_on_beginning();
+    }
+  }
   if (!first_outputs_.empty()) out->condition_on_beginning();
   out->prior_box_ = prior_box_;
   return out;
@@ -90,7 +165,8 @@ bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivati
 }
 
 void RecordingsLikelihood::condition_on_beginning() {
-  if (!is_stationary() || !first_outputs_.empty()) return;
+  for (const auto& part : parts_) part->likelihood.condition_on_beginning();
+  if (!parts_.empty() || !is_stationary() || !first_outputs_.empty()) return;
   const LinearModel& linear = as_linear(model_);
   if (linear.initial != InitialState::diffuse) return;
   if (is_known(linear.A, model_.parameters) && is_known(linear.C, model_.parameters)) return;
@@ -106,6 +182,12 @@ void RecordingsLikelihood::condition_on_beginning() {
 }
 
 double RecordingsLikelihood::log_likelihood_of_beginning(const ParameterSet& at) {
+  double of_parts = 0.0;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    of_parts += parts_[i]->likelihood.log_likelihood_of_beginning(
+        parts_[i]->values(at, recordings_[i]));
+  }
+  if (!parts_.empty()) return of_parts;
   if (first_outputs_.empty()) return 0.0;
   if (!set_system(at, false)) return kNone;
   const Likelihood& first = beginning_.evaluate(system_, as_linear(model_).initial);
@@ -143,6 +225,12 @@ const Likelihood& RecordingsLikelihood::with_priors(const Likelihood& of_data,
 }
 
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
+  if (!parts_.empty()) {
+    const Likelihood& all = evaluate_parts(at, with_gradient);
+    if (all.status != FilterStatus::ok) return nullptr;
+    const Likelihood& result = prior_box_ ? with_priors(all, at, with_gradient) : all;
+    return result.status == FilterStatus::ok ? &result : nullptr;
+  }
   if (!set_system(at, with_gradient && is_stationary())) return nullptr;
   const Likelihood& all = changing_ ? changing_->evaluate(at, with_gradient)
                           : nonlinear_
@@ -157,12 +245,43 @@ const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool wi
 FilterStatus RecordingsLikelihood::watch(const ParameterSet& at, bool with_derivatives,
                                          std::size_t recording, const FilteredStateWatcher& see) {
   if (model_.student) return watch_student(at, recording, see);
+  if (!parts_.empty()) return watch_part(at, with_derivatives, recording, see);
   if (!set_system(at, with_derivatives && is_stationary())) return FilterStatus::indefinite;
   if (changing_) return changing_->watch(at, with_derivatives, recording, see);
   if (nonlinear_) return nonlinear_->watch(at, with_derivatives, recording, see);
   return watch_filtered_states(system_, as_linear(model_).initial, recordings_[recording].y,
                                inputs_[recording], with_derivatives ? derivatives_ : none_, see)
       .status;
+}
+
+namespace {
+
+// By k entries of the joint model, of which these are the recording's.
+FilteredState in_joint_entries(const FilteredState& seen, const std::vector<Eigen::Index>& entries,
+                               Eigen::Index k) {
+  FilteredState out{seen.t, seen.x, seen.P, {}, {}};
+  if (k == 0) return out;
+  out.dx.setZero(seen.dx.rows(), k);
+  out.dP.setZero(seen.dP.rows(), k);
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const auto from = static_cast<Eigen::Index>(i);
+    out.dx.col(entries[i]) += seen.dx.col(from);
+    out.dP.col(entries[i]) += seen.dP.col(from);
+  }
+  return out;
+}
+
+}  // namespace
+
+// Shown by the entries of the joint model; those that this recording does not hold move nothing.
+FilterStatus RecordingsLikelihood::watch_part(const ParameterSet& at, bool with_derivatives,
+                                              std::size_t recording,
+                                              const FilteredStateWatcher& see) {
+  Part& part = *parts_[recording];
+  const Eigen::Index k = with_derivatives ? free_entries(at).size() : 0;
+  return part.likelihood.watch(
+      part.values(at, recordings_[recording]), with_derivatives, 0,
+      [&](const FilteredState& seen) { see(in_joint_entries(seen, part.entries, k)); });
 }
 
 FilterStatus RecordingsLikelihood::watch_student(const ParameterSet& at, std::size_t recording,
@@ -200,7 +319,34 @@ LikelihoodProblem RecordingsLikelihood::problem() {
   return out;
 }
 
+MatrixXd RecordingsLikelihood::products_of_parts(const ParameterSet& at) {
+  const Eigen::Index k = free_entries(at).size();
+  MatrixXd out = MatrixXd::Zero(k, k);
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    Part& part = *parts_[i];
+    const MatrixXd one = part.likelihood.score_products(part.values(at, recordings_[i]));
+    if (one.size() == 0 && !part.entries.empty()) return {};
+    for (std::size_t a = 0; a < part.entries.size(); ++a) {
+      for (std::size_t b = 0; b < part.entries.size(); ++b) {
+        out(part.entries[a], part.entries[b]) +=
+            one(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+      }
+    }
+  }
+  return out;
+}
+
+bool RecordingsLikelihood::refine(const ParameterSet& at) {
+  bool finer = nonlinear_ && nonlinear_->refine(at);
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const bool here = parts_[i]->likelihood.refine(parts_[i]->values(at, recordings_[i]));
+    finer = finer || here;
+  }
+  return finer;
+}
+
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
+  if (!parts_.empty()) return products_of_parts(at);
   if (!set_system(at, is_stationary())) return {};
   if (is_stationary()) {
     const InitialState initial = as_linear(model_).initial;
@@ -227,6 +373,11 @@ double RecordingsLikelihood::samples() const {
 }
 
 FilterStatus RecordingsLikelihood::status_at_start() {
+  for (const auto& part : parts_) {
+    const FilterStatus here = part->likelihood.status_at_start();
+    if (here != FilterStatus::ok) return here;
+  }
+  if (!parts_.empty()) return FilterStatus::ok;
   if (!set_system(model_.parameters, false)) return FilterStatus::indefinite;
   if (changing_) return changing_->evaluate(model_.parameters, false).status;
   if (nonlinear_) return nonlinear_->evaluate(model_.parameters, false).status;

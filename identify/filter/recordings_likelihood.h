@@ -19,7 +19,8 @@
 namespace identikal {
 
 /// The likelihood of all recordings under a linear or nonlinear model, as a function of the free
-/// entries or of the optimiser's coordinates (lib/model/parameter.h). Keeps references to model and
+/// entries or of the optimiser's coordinates (lib/model/parameter.h). Where parameters have values of their own in
+/// some recordings (identify/model/own_parameters.h) the cost is that of every recording alone. Keeps references to model and
 /// recordings; one per thread.
 ///
 /// Example:
@@ -39,6 +40,7 @@ class RecordingsLikelihood {
                        EvaluationMethod method = EvaluationMethod::automatic) = delete;
   RecordingsLikelihood(Model&& model, const std::vector<Dataset>& recordings,
                        EvaluationMethod method = EvaluationMethod::automatic) = delete;
+  ~RecordingsLikelihood();
 
   /// From here on the likelihood of a linear model is
   ///
@@ -80,7 +82,7 @@ class RecordingsLikelihood {
 
   /// Makes the integration of a nonlinear model as fine as the filter with these values needs it.
   /// @return is it finer than before? Then the likelihood is a slightly different function.
-  bool refine(const ParameterSet& at) { return nonlinear_ && nonlinear_->refine(at); }
+  bool refine(const ParameterSet& at);
 
   const Model& model() const { return model_; }
   const std::vector<Dataset>& recordings() const { return recordings_; }  ///< of digests: none
@@ -96,6 +98,14 @@ class RecordingsLikelihood {
   const EvaluationTaken& evaluation_taken() const { return engine_.evaluation_taken(); }
 
  private:
+  // One recording by itself, where parameters have values of their own in some
+  // (identify/model/own_parameters.h).
+  struct Part;
+  void part_recordings();
+  const Likelihood& evaluate_parts(const ParameterSet& at, bool with_gradient);
+  Eigen::MatrixXd products_of_parts(const ParameterSet& at);
+  FilterStatus watch_part(const ParameterSet& at, bool with_derivatives, std::size_t recording,
+                          const FilteredStateWatcher& see);
   FilterStatus watch_student(const ParameterSet& at, std::size_t recording,
                              const FilteredStateWatcher& see);
   bool is_stationary() const { return !nonlinear_ && !changing_; }
@@ -122,6 +132,8 @@ class RecordingsLikelihood {
   Likelihood conditional_;
   std::optional<Box> prior_box_;  // where priors count
   Likelihood posterior_;
+  std::vector<std::unique_ptr<Part>> parts_;  // empty: all recordings go through one model
+  Likelihood of_parts_;
   StateSpace system_;
   const std::vector<StateSpace> none_;
   std::vector<StateSpace> derivatives_;

@@ -152,18 +152,25 @@ void refuse_unused(const Model& model) {
     for (const int i : parameters_in(*matrix)) used[i] = true;
   }
   if (is_formula_model(model)) {
-    const std::vector<Index>& column = as_formulas(model).equations.column;
-    for (std::size_t i = 0; i < column.size(); ++i) {
-      if (column[i] != NonlinearModel::kInNoFormula) used[i] = true;
-    }
+    const auto use = [&](const std::vector<Index>& column) {
+      for (std::size_t i = 0; i < column.size(); ++i) {
+        if (column[i] != NonlinearModel::kInNoFormula) used[i] = true;
+      }
+    };
+    use(as_formulas(model).equations.column);
+    if (as_formulas(model).noise_scales) use(as_formulas(model).noise_scales->column);
     for (const ParametrisedMatrix& start : as_formulas(model).starts) {
       for (const int i : parameters_in(start)) used[static_cast<std::size_t>(i)] = true;
     }
   }
+  for (const RecordingTable::Row& row : model.recordings.rows) {
+    for (const auto& [parameter, source] : row.sources) used[static_cast<std::size_t>(source)] = true;
+  }
   const int freedom = model.student ? model.student->parameter : -1;
   if (freedom >= 0) used[static_cast<std::size_t>(freedom)] = true;
   for (std::size_t i = 0; i < used.size(); ++i) {
-    if (used[i] || model.parameters[i].fixed) continue;
+    const bool own = model.parameters[i].scope == Scope::recording;  // another's value somewhere
+    if (used[i] || own || model.parameters[i].fixed) continue;
     refuse("parameter '{}' is free, and nothing in the model uses it", model.parameters[i].name);
   }
 }

@@ -81,6 +81,9 @@ struct FormulaModel {
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
   std::vector<bool> wraps;    ///< per output: an angle that is measured up to whole turns
+  /// Its outputs are what the standard deviations of R are times, formulas of states, inputs,
+  /// parameters and time (lib/nonlinear/filter.h). None: 1.
+  std::optional<NonlinearModel> noise_scales;
   NonlinearMethod filter = NonlinearMethod::extended;
   /// Per recording: the state at its first sample, in place of noise.x0. Empty: that for all of them.
   std::vector<ParametrisedMatrix> starts;
@@ -119,6 +122,27 @@ struct StudentNoise {
   int parameter = -1;  ///< that the degrees of freedom are, where they have a name
 };
 
+/// What a model file says of recordings one by one: which parameters have values of their own there,
+/// and which of these are known (own_parameters.h).
+struct RecordingTable {
+  struct Own {
+    int parameter = 0;
+    std::string label;  ///< one value for all recordings of which this says the same; empty: each
+  };
+  struct Row {
+    std::string recording;  ///< the file's name, with or without its ending
+    Location at;
+    std::map<int, double> numbers;              ///< by parameter: known there, SI
+    std::map<int, int> sources;                 ///< by parameter: the one whose value it takes
+    std::map<std::string, std::string> labels;  ///< what `Own::label` is here
+  };
+  std::vector<Own> own;
+  std::vector<Row> rows;
+  std::map<std::string, double> found;  ///< values from an earlier result, by name, SI
+
+  bool empty() const { return own.empty() && rows.empty(); }
+};
+
 /// What another instrument measured of the states. No filter sees it; estimates are compared with
 /// it (identify/filter/reference_errors.h).
 struct StateReferences {
@@ -152,6 +176,7 @@ struct Model {
   std::vector<OutputCondition> conditions;
   std::vector<ChannelSource> flags;
   StateReferences references;
+  RecordingTable recordings;
   std::optional<StudentNoise> student;  ///< none: the measurement noise is normal
   std::variant<LinearModel, FormulaModel, VehicleModel, RegressionModel> form;
 };

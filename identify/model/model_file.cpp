@@ -14,9 +14,11 @@
 #include "identify/model/internal/formula_form.h"
 #include "identify/model/internal/linear_form.h"
 #include "identify/model/internal/regression_form.h"
+#include "identify/model/internal/static_form.h"
 #include "identify/model/internal/vehicle_form.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
+#include "identify/model/own_parameters.h"
 #include "identify/model/yaml_reader.h"
 #include "lib/base/nearest_name.h"
 #include "lib/data/units.h"
@@ -26,7 +28,8 @@ namespace {
 
 const std::vector<std::string> kCommonKeys = {"identikal",  "name",      "model",   "time",
                                               "parameters", "inputs",    "outputs", "noise",
-                                              "use_when",   "reference", "include"};
+                                              "use_when",   "reference", "include",
+                                              "recordings"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "roll", "sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
@@ -102,11 +105,12 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     refuse(kLinearKeys, "does not belong to model: single-track");
     refuse(kFormulaKeys, "does not belong to model: single-track");
     refuse({"reference"}, "does not belong to model: single-track, which has no filter");
+    refuse({"recordings"}, "does not belong to model: single-track");
   } else {
     refuse(kLinearKeys, "does not belong to model: regression");
     refuse(kVehicleKeys, "does not belong to model: regression");
     refuse(kFormulaKeys, "does not belong to model: regression");
-    refuse({"parameters", "noise", "use_when", "reference"},
+    refuse({"parameters", "noise", "use_when", "reference", "recordings"},
            "does not belong to model: regression");
   }
 }
@@ -122,7 +126,7 @@ Model parse_model_file(const std::string& text, const std::string& path, Formula
 }
 
 Model model_of(const YamlNode& written, const std::string& path, FormulaReading reading) {
-  const YamlNode root = with_components(written);
+  const YamlNode root = with_components(with_still_state(written));
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
@@ -138,7 +142,7 @@ Model model_of(const YamlNode& written, const std::string& path, FormulaReading 
   const YamlNode* name = find(root, "name");
   out.name = name == nullptr ? std::filesystem::path(path).stem().string() : text_of(*name, "name");
   if (const YamlNode* model = find(root, "model")) {
-    if (word_of(*model, "model", {"single-track", "regression"}) == "single-track") {
+    if (word_of(*model, "model", {"single-track", "regression", "static"}) == "single-track") {
       out.form = VehicleModel();
     } else {
       out.form = RegressionModel();
@@ -167,6 +171,11 @@ void set_parameter(Model& model, const std::string& assignment) {
   const std::string text(trimmed(std::string_view(assignment).substr(equals + 1)));
   if (name.empty()) throw InputError({}, what, "NAME=VALUE");
   const int index = find_parameter(model.parameters, name);
+  if (const int own = own_parameter_named(model, name); index < 0 && own >= 0) {
+    const std::string& unit = model.parameters[static_cast<std::size_t>(own)].unit;
+    model.recordings.found[name] = si_value(parse_quantity(text, {}, what), unit, {}, what);
+    return;
+  }
   if (index < 0) {
     std::vector<std::string> known;
     for (const Parameter& parameter : model.parameters) known.push_back(parameter.name);

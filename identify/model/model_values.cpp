@@ -126,7 +126,9 @@ Parameter read_parameter(const std::string& name, const YamlNode& node, const Pa
     throw InputError(node.at, what + " is a list", "a number, or {value, min, max}");
   }
   if (!out.fixed) {
-    check_keys(node, what, {"value", "min", "max", "fixed", "unit", "role", "prior"});
+    std::vector<std::string> keys = {"value", "min", "max", "fixed", "unit", "role", "prior"};
+    if (rule == nullptr) keys.emplace_back("per");
+    check_keys(node, what, keys);
     required(node, "value", what, "value: NUMBER, the start");
     if (const YamlNode* fixed = find(node, "fixed")) {
       out.fixed = word_of(*fixed, "fixed", {"true", "false"}) == "true";

@@ -110,6 +110,12 @@ Model without_process_noise(Model model) {
                      "states, dynamics and outputs as formulas",
                      "identikal model DATA --for simulation, where there are no equations");
   }
+  if (as_formulas(model).noise_scales) {
+    throw InputError({model.source, 0, 0},
+                     "measurement noise that follows the prediction, inputs or time, and the "
+                     "objective 'simulation'",
+                     "noise of a constant size", "its errors have a variance of their own");
+  }
   LinearModel& noise = noise_model(model);
   const StateSpace written = written_matrices(noise, model.parameters);
   noise.Q = constant_matrix(MatrixXd::Zero(written.Q.rows(), written.Q.cols()));
@@ -119,6 +125,14 @@ Model without_process_noise(Model model) {
 }
 
 Model simulation_model(Model model, const std::vector<Dataset>& recordings) {
+  if (!model.recordings.empty()) {
+    throw InputError({model.source, 0, 0},
+                     "parameters with values of their own in each recording, and the objective "
+                     "'simulation'",
+                     "--objective one-step",
+                     "without process noise and with a start that is known, or parameters, it is "
+                     "a simulation");
+  }
   model = without_process_noise(std::move(model));
   FormulaModel& formulas = as_formulas(model);
   LinearModel& noise = formulas.noise;

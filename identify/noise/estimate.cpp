@@ -13,6 +13,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
 #include "identify/model/parameter_prior.h"
+#include "identify/model/row_order.h"
 #include "identify/noise/internal/outlier_effect.h"
 #include "identify/noise/internal/sampling_test.h"
 #include "lib/base/median.h"
@@ -138,9 +139,17 @@ ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
   return loss;
 }
 
-Findings check_length(long samples, double unknowns) {
+Findings check_length(long samples, double unknowns, double freedom) {
   const double share = static_cast<double>(samples) / unknowns;
   if (!(share < 5.0)) return {};
+  if (std::isfinite(freedom)) {
+    return {make_finding(
+        FindingCode::few_samples, {},
+        fmt::format("{} samples for {} unknowns: errors with {:.0f} degrees of freedom allow for "
+                    "that where the model is near to linear in its parameters",
+                    samples, unknowns, freedom),
+        "record more, or fix parameters that are known")};
+  }
   Finding few = make_finding(
       FindingCode::few_samples, {},
       fmt::format("{} samples for {} unknowns: the errors are those of long recordings, and "
@@ -269,6 +278,24 @@ void end_intervals_at_zero(Estimate& estimate, const ParameterSet& end) {
   }
 }
 
+// Of a regression, whose rows follow one another in no time. Nothing is tested by their order; but in
+// a file that is sorted it shows where a curve runs past the data.
+Findings check_residuals(const FilterEstimate& estimate) {
+  Findings out;
+  for (const TestResult& test : estimate.tests) {
+    if (test.pass || test.id != "ljung_box") continue;
+    out.push_back({FindingCode::coloured_innovations,
+                   Severity::note,
+                   {test.channel},
+                   fmt::format("the residuals of '{}' follow one another from row to row (p = "
+                               "{:.2g}): where rows are sorted by an input, the curve may have "
+                               "another shape; standard errors take rows as independent",
+                               test.channel, test.p),
+                   "look at the residuals against the inputs"});
+  }
+  return out;
+}
+
 // AIC and BIC of what comes behind a diffuse start.
 void report_criteria(Objective& objective, double unknowns, const Model& model,
                      const ParameterSet& end, const std::vector<Dataset>& recordings) {
@@ -305,11 +332,12 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size());
   objective.samples = static_cast<long>(samples_present(recordings));
-  append(estimate.findings, check_length(objective.samples, k));
+  append(estimate.findings, check_length(objective.samples, k, estimate.covariance_freedom));
   report_criteria(objective, k, model, end, recordings);
-  append(estimate.findings, check_innovations(estimate));
-  if (white) {
-    append(estimate.findings, check_tails(estimate));
+  const bool ordered = !rows_have_no_order(model, end);
+  append(estimate.findings, ordered ? check_innovations(estimate) : check_residuals(estimate));
+  if (white) append(estimate.findings, check_tails(estimate));
+  if (white && ordered) {
     append(estimate.findings, check_sampling(estimate, model, end, recordings));
   }
   append(estimate.findings, check_measurement_noise(estimate, model, end, recordings[0].outputs));

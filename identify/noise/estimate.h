@@ -39,7 +39,8 @@ Findings check_search(const Estimate& estimate, const SolverSummary& summary,
 
 /// That there are fewer than five samples for each unknown: the likelihood is no parabola yet.
 /// Serious below three.
-Findings check_length(long samples, double unknowns);
+/// @param freedom  of errors that allow for it (Estimate::covariance_freedom): then it is a warning
+Findings check_length(long samples, double unknowns, double freedom = kNone);
 
 /// What the errors of the parameters cost the filter (lib/filter/information.h), from their
 /// standard errors and correlations as the estimate has them; or why that has no answer.

@@ -186,16 +186,19 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const bool coloured = options.objective == FitObjective::simulation;
   const SimulationScore score =
       coloured ? simulation_score(model, likelihood.recordings(), end) : SimulationScore{};
+  const auto samples = static_cast<Index>(likelihood.samples());
+  const bool by_residuals = options.errors == NoiseSize::residuals && !coloured;
+  const double freedom =
+      by_residuals ? residual_freedom(model, likelihood.recordings(), samples) : kNone;
   const JudgedMaximum judged = judge_maximum(estimate, likelihood, problem, end, best,
-                                             found.on_circle, coloured ? &score : nullptr);
+                                             found.on_circle, coloured ? &score : nullptr, freedom);
   report_priors(estimate, end);
   report_evaluation(likelihood.evaluation_taken(), objective);
   append(estimate.findings,
          check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));
   const bool converged = found.best.summary.usable();
-  const ProfiledMaximum maximum{likelihood,     factors, end,
-                                found.best,     judged,  static_cast<Index>(likelihood.samples()),
-                                options.threads};
+  const ProfiledMaximum maximum{likelihood, factors,         end,    found.best, judged,
+                                samples,    options.threads, freedom};
   if (coloured) {
     append(estimate.findings, check_bounds(estimate, problem, best));
   } else if (converged && limit_variances_at_zero(estimate, maximum)) {

@@ -18,8 +18,16 @@ enum class FitObjective {
   simulation,  ///< errors of a simulation from its start (simulation_model.h); they need not be white
 };
 
+/// How large is the noise of outputs that errors are made of, where no noise moves the states and its
+/// size is unknown?
+enum class NoiseSize {
+  residuals,   ///< sum e^2 / (n - p), and Student's t with n - p degrees of freedom, as in regression
+  likelihood,  ///< sum e^2 / n, its most likely value, and the normal distribution
+};
+
 struct NoiseMlOptions {
   FitObjective objective = FitObjective::one_step;
+  NoiseSize errors = NoiseSize::residuals;  ///< p counts the unknowns but for sizes of noise
 
   /// Searches: from the file's values, then from scattered ones. 0: one, and four more where its
   /// end leaves a doubt (a variance of zero, other unknowns than variances, no convergence).

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/matrix_reader.h"
+#include "identify/model/own_parameters.h"
 #include "identify/model/simulation_model.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_name.h"
@@ -30,6 +31,13 @@ void set_values(Model& model, const Estimate& result, const std::string& path) {
     const bool of_start = result.objective.method == kSimulationMethod &&
                           p.name.find(kStartName) != std::string::npos;
     if (at == known.names.end() && of_start) continue;
+    if (at == known.names.end() && own_parameter_named(model, p.name) >= 0) {
+      if (!std::isfinite(p.value)) {
+        throw InputError(here, fmt::format("'{}' has no value", p.name), hint);
+      }
+      model.recordings.found[p.name] = unit_or_dimensionless(p.unit).to_si(p.value);
+      continue;
+    }
     if (at == known.names.end()) {
       throw InputError(here, fmt::format("{} has no parameter '{}'", model.source, p.name), hint,
                        did_you_mean(p.name, known.names));
@@ -49,7 +57,7 @@ void set_values(Model& model, const Estimate& result, const std::string& path) {
   }
   for (std::size_t i = 0; i < given.size(); ++i) {
     const Parameter& p = model.parameters[known.parameter[i]];
-    if (given[i] || p.fixed) continue;
+    if (given[i] || p.fixed || has_own_values(model, known.parameter[i])) continue;
     throw InputError(
         here, fmt::format("has no value of '{}', which {} seeks", known.names[i], model.source),
         hint);

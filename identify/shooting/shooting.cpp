@@ -111,6 +111,7 @@ bool has_no_noise_but_of_outputs(const StateSpace& matrices) {
 
 bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& recordings) {
   if (!is_formula_model(model) || as_formulas(model).linear) return false;
+  if (as_formulas(model).noise_scales) return false;
   const LinearModel& noise = as_formulas(model).noise;
   if (noise.initial != InitialState::given || as_formulas(model).equations.states == 0) {
     return false;
@@ -122,7 +123,7 @@ bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& re
   }
   const bool own_starts =
       std::any_of(recordings.begin(), recordings.end(),
-                  [](const Dataset& data) { return data.start_mean.size() > 0; });
+                  [](const Dataset& data) { return data.start_mean.size() > 0 || !data.own.empty(); });
   return !own_starts && !recordings.empty() && TrajectoryProblem(model, recordings).moves_states();
 }
 

@@ -22,6 +22,12 @@ struct Channel {
   bool is_pseudo = false;  ///< an output that nobody measures: its number stands in the model
 };
 
+/// A parameter that has a value of its own in a recording.
+struct OwnParameter {
+  int parameter = 0;  ///< of the model, 0-based
+  int source = 0;     ///< the one whose value it takes
+};
+
 struct Dataset {
   std::string name;                  ///< of the file, without its folder
   double dt = 0.0;                   ///< sampling period [s]: the step given, else the median step
@@ -37,6 +43,8 @@ struct Dataset {
   /// covariance, n x n. Empty: the model's.
   Eigen::VectorXd start_mean;
   Eigen::MatrixXd start_covariance;
+  /// Parameters whose values here are those of others (identify/model/own_parameters.h).
+  std::vector<OwnParameter> own;
   std::vector<Channel> inputs;   ///< nu
   std::vector<Channel> outputs;  ///< ny
   /// nr x N, SI, NaN = missing: what another instrument measured, for comparison alone. Where there

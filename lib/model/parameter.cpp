@@ -254,6 +254,7 @@ ReportedEntries reported_entries(const ParameterSet& parameters) {
   std::vector<double> values;
   for (std::size_t index = 0; index < parameters.size(); ++index) {
     const Parameter& p = parameters[index];
+    if (p.scope == Scope::replaced) continue;
     const auto add = [&](const std::string& name, Eigen::Index i, Eigen::Index j) {
       out.names.push_back(name);
       out.units.push_back(p.unit);

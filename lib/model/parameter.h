@@ -34,6 +34,14 @@ struct Prior {
   double a = 0.0, b = 0.0;  ///< SI
 };
 
+/// Where a parameter has a value: a model may say that some differ from recording to recording
+/// (identify/model/own_parameters.h).
+enum class Scope {
+  everywhere,
+  recording,  ///< in the recordings whose own it is, in place of the model's
+  replaced,   ///< nowhere: every recording has its own. It is not reported
+};
+
 /// A named unknown (or known, when fixed) number or covariance matrix, in SI.
 ///
 /// Example:
@@ -50,6 +58,7 @@ struct Parameter {
   double max = std::numeric_limits<double>::infinity();   ///< SI; scalars only
   bool fixed = false;
   Prior prior;
+  Scope scope = Scope::everywhere;
 
   double scalar() const { return value(0, 0); }
 };
@@ -101,7 +110,7 @@ Eigen::MatrixXd coordinate_curvature(const ParameterSet& parameters,
                                      const Eigen::VectorXd& entry_gradient);
 
 /// The numbers a person reads: every scalar, and every distinct entry of every matrix ("Q(2,1)").
-/// Those of free parameters are free_entries().
+/// Those of free parameters are free_entries(). Replaced ones are left out.
 struct ReportedEntries {
   std::vector<std::string> names, units;
   std::vector<int> parameter;  ///< which parameter each entry belongs to

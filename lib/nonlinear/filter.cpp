@@ -62,6 +62,12 @@ void check_arguments(const NonlinearModel& model, const Eigen::Ref<const VectorX
   if (options.noise == ProcessNoise::density && !model.continuous) {
     throw std::invalid_argument("nonlinear filter: a noise density in discrete time");
   }
+  if (const NonlinearModel* scales = options.scales;
+      scales != nullptr && (scales->states != model.states || scales->inputs != model.inputs ||
+                            scales->parameters != model.parameters ||
+                            scales->outputs != model.outputs)) {
+    throw std::invalid_argument("nonlinear filter: scales of a model with other sizes");
+  }
   const UnscentedWeights& w = options.weights;
   if (options.iterations < 1 ||
       !(w.alpha * w.alpha * (static_cast<double>(model.states) + w.kappa) > 0.0)) {
@@ -127,12 +133,12 @@ struct Belief {
 // P is needed; without one of R it is not damped.
 class DampedIterations {
  public:
-  // At xi = x.
-  void begin(const MatrixXd& R, InnovationUpdate& update) {
+  // At xi = x. @param R_moves  from sample to sample
+  void begin(const MatrixXd& R, bool R_moves, InnovationUpdate& update) {
     way_.setZero();
     share_ = 1.0;
     promised_ = -1.0;
-    if (!update.take_change()) return;
+    if (!update.take_change() && !R_moves) return;
     present_R_ = R;
     for (Index a = 0; a < R.rows(); ++a) {
       if (update.is_present(a)) continue;
@@ -216,6 +222,7 @@ class NonlinearRecursion {
         y_(y),
         options_(options),
         chain_(model, directions),
+        scale_chain_(options.scales != nullptr ? *options.scales : model, directions),
         nx_(model.states),
         ny_(model.outputs),
         k_(static_cast<Index>(directions.size())),
@@ -230,6 +237,10 @@ class NonlinearRecursion {
     if (needs_second && model.order == Derivatives::first) {
       throw std::invalid_argument(
           "nonlinear filter: the gradient needs a model with second derivatives");
+    }
+    if (options.scales != nullptr) {
+      scale_memory_ = make_memory(*options.scales);
+      set_parameters(*options.scales, scale_memory_, p);
     }
     prepare(directions);
   }
@@ -306,8 +317,11 @@ class NonlinearRecursion {
     seen_ = make_sigma_points(ny_, nx_, k_);
   }
 
+  bool scales_noise() const {
+    return options_.noise_scale.size() > 0 || options_.scales != nullptr;
+  }
   void measure(Index t) {
-    if (options_.noise_scale.size() > 0) scale_noise(options_.noise_scale.col(t));
+    if (scales_noise() && !scale_noise(t)) return;
     if (output_error_) {
       measure_simulation(t);
     } else if (unscented_) {
@@ -326,11 +340,35 @@ class NonlinearRecursion {
     }
   }
 
-  // R and its derivatives, times the scales of both channels.
-  void scale_noise(const Eigen::Ref<const VectorXd>& scale) {
-    const MatrixXd factor = scale * scale.transpose();
-    R_ = noise_.R.cwiseProduct(factor);
-    dR_ = factor.reshaped().asDiagonal() * written_dR_;
+  // R and its derivatives, times the scales of both channels. False where one is none.
+  bool scale_noise(Index t) {
+    scale_ = options_.noise_scale.size() > 0 ? VectorXd(options_.noise_scale.col(t))
+                                             : VectorXd::Ones(ny_);
+    dscale_.setZero(ny_, k_);
+    if (options_.scales != nullptr && !multiply_by_formulas(t)) return false;
+    for (Index b = 0; b < ny_; ++b) {
+      for (Index a = 0; a < ny_; ++a) {
+        const Index entry = a + ny_ * b;
+        const double R = noise_.R(a, b);
+        R_(a, b) = R * scale_[a] * scale_[b];
+        if (k_ == 0) continue;
+        dR_.row(entry) = scale_[a] * scale_[b] * written_dR_.row(entry);
+        add_row(dR_, entry, R * scale_[b], dscale_, a);
+        add_row(dR_, entry, R * scale_[a], dscale_, b);
+      }
+    }
+    return true;
+  }
+  bool multiply_by_formulas(Index t) {
+    const NonlinearModel& scales = *options_.scales;
+    VectorXd by(ny_);
+    observe(scales, scale_memory_, now_.x, inputs_.at_sample.col(t), inputs_.time[t], by,
+            scale_slopes_);
+    if (!(by.array() > 0.0).all() || !by.allFinite()) return is_ok(FilterStatus::indefinite);
+    scale_chain_.add(scale_slopes_.wrt_x, scale_slopes_.wrt_p, now_.dx, dscale_);
+    for (Index a = 0; a < ny_; ++a) dscale_.row(a) *= scale_[a];
+    scale_ = scale_.cwiseProduct(by);
+    return true;
   }
 
   bool is_ok(FilterStatus status) {
@@ -373,7 +411,18 @@ class NonlinearRecursion {
     if (present_count_ == 0) return;
     outputs_.e = y_.col(t) - h_;
     take_nearest_turn();
-    if (is_ok(update_.set_constant(outputs_, R_, dR_))) add_terms(t);
+    if (is_ok(scales_noise() ? set_scaled() : update_.set_constant(outputs_, R_, dR_))) {
+      add_terms(t);
+    }
+  }
+
+  // The innovation of a simulation, by this sample's R.
+  FilterStatus set_scaled() {
+    outputs_.M.setZero();
+    outputs_.dM.setZero();
+    outputs_.Sigma = R_;
+    outputs_.dSigma = dR_;
+    return update_.set(outputs_);
   }
 
   void simulate(Index t) {
@@ -394,7 +443,7 @@ class NonlinearRecursion {
     dxi_ = now_.dx;
     const bool iterated = options_.method == NonlinearMethod::iterated && present_count_ > 0;
     const MatrixXd& H = seen_slopes_.wrt_x;
-    if (iterated) iterations_.begin(R_, update_);
+    if (iterated) iterations_.begin(R_, scales_noise(), update_);
     for (int i = iterated ? options_.iterations : 1; i > 0; --i) {
       observe(model_, memory_, xi_, inputs_at(t), inputs_.time[t], h_, seen_slopes_, order_);
       outputs_.e = y_.col(t) - h_;
@@ -622,7 +671,7 @@ class NonlinearRecursion {
   const InputNodes& inputs_;
   const Eigen::Ref<const MatrixXd>& y_;
   const NonlinearFilterOptions& options_;
-  const Chain chain_;
+  const Chain chain_, scale_chain_;
   const Index nx_, ny_, k_;
   const bool density_, output_error_, unscented_;
   const Derivatives order_;
@@ -640,6 +689,10 @@ class NonlinearRecursion {
   VectorXd xi_;  // where h is linearised, a sigma point
   Stack dxi_;
   Jacobian moved_slopes_, seen_slopes_;  // of step() and h
+  ModelMemory scale_memory_;
+  Jacobian scale_slopes_;
+  VectorXd scale_;  // of this sample's noise
+  Stack dscale_;
   VectorXd h_;
   Gramians gramians_;
   std::vector<Index> moving_densities_;  // directions with a column of their own there

@@ -61,6 +61,10 @@ struct NonlinearFilterOptions {
   /// ny x N, above 0: R of a sample is that of the noise with every standard deviation times its
   /// scale. Empty: 1.
   Eigen::MatrixXd noise_scale;
+  /// A further scale of the same kind, by formulas: ny outputs of a model with the same states,
+  /// inputs and parameters, at the state before the sample, x(k|k-1). One that is not above 0 there
+  /// gives FilterStatus::indefinite. Null: 1.
+  const NonlinearModel* scales = nullptr;
 };
 
 /// Runs the filter over a record.

@@ -11,7 +11,8 @@ using Eigen::VectorXd;
 NonlinearRealisation simulate_nonlinear_outputs(const NonlinearModel& model,
                                                 const Eigen::Ref<const VectorXd>& p,
                                                 const FilterNoise& noise, ProcessNoise kind,
-                                                const InputNodes& inputs, Random& random) {
+                                                const InputNodes& inputs, Random& random,
+                                                const NonlinearModel* scales) {
   const Index nx = model.states, ny = model.outputs, N = inputs.time.size();
   if (noise.Q.rows() != nx || noise.R.rows() != ny || noise.x0.size() != nx ||
       noise.P0.rows() != nx || inputs.u.rows() != model.inputs || p.size() != model.parameters) {
@@ -20,6 +21,12 @@ NonlinearRealisation simulate_nonlinear_outputs(const NonlinearModel& model,
   }
   ModelMemory memory = make_memory(model);
   set_parameters(model, memory, p);
+  ModelMemory of_scales;
+  if (scales != nullptr) {
+    of_scales = make_memory(*scales);
+    set_parameters(*scales, of_scales, p);
+  }
+  VectorXd scale = VectorXd::Ones(ny);
   const MatrixXd measurement = semidefinite_factor(noise.R);
   const bool density = kind == ProcessNoise::density && !noise.Q.isZero(0.0);
   const MatrixXd process = density ? MatrixXd() : semidefinite_factor(noise.Q);
@@ -33,7 +40,10 @@ NonlinearRealisation simulate_nonlinear_outputs(const NonlinearModel& model,
   for (Index k = 0; k < N; ++k) {
     out.x.col(k) = x;
     observe(model, memory, x, inputs.at_sample.col(k), inputs.time[k], y, jacobian);
-    out.y.col(k) = y + measurement * random.normal(ny);
+    if (scales != nullptr) {
+      observe(*scales, of_scales, x, inputs.at_sample.col(k), inputs.time[k], scale);
+    }
+    out.y.col(k) = y + scale.cwiseProduct(measurement * random.normal(ny));
     if (k + 1 == N) break;
     if (density) {
       step(model, memory, inputs, k, x, jacobian, Derivatives::first, &gramians);

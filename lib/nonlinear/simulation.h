@@ -26,10 +26,13 @@ struct NonlinearRealisation {
 ///
 /// @param p       parameters, SI
 /// @param inputs  N samples
+/// @param scales  of the measurement noise's standard deviations, at the state that it is added to
+///   (NonlinearFilterOptions); null: 1
 /// @throws std::invalid_argument when shapes disagree or a covariance is not positive semidefinite
 NonlinearRealisation simulate_nonlinear_outputs(const NonlinearModel& model,
                                                 const Eigen::Ref<const Eigen::VectorXd>& p,
                                                 const FilterNoise& noise, ProcessNoise kind,
-                                                const InputNodes& inputs, Random& random);
+                                                const InputNodes& inputs, Random& random,
+                                                const NonlinearModel* scales = nullptr);
 
 }  // namespace identikal

@@ -61,6 +61,10 @@ class Followed {
         filter_(filter),
         y_(model.outputs) {
     set_parameters(model, memory_, p);
+    if (options.scales != nullptr) {
+      scale_memory_ = make_memory(*options.scales);
+      set_parameters(*options.scales, scale_memory_, p);
+    }
     gramians_.densities = noise.Q.reshaped(model.states * model.states, 1);
   }
 
@@ -89,9 +93,14 @@ class Followed {
  private:
   bool unscented() const { return options_.method == NonlinearMethod::unscented; }
 
-  MatrixXd noise_at(Index t) const {
-    if (options_.noise_scale.size() == 0) return noise_.R;
-    const auto scale = options_.noise_scale.col(t);
+  MatrixXd noise_at(Index t) {
+    VectorXd scale = VectorXd::Ones(model_.outputs);
+    if (options_.noise_scale.size() > 0) scale = options_.noise_scale.col(t);
+    if (options_.scales != nullptr) {
+      observe(*options_.scales, scale_memory_, filter_.x_pred.col(t), inputs_.at_sample.col(t),
+              inputs_.time[t], by_formulas_);
+      scale = scale.cwiseProduct(by_formulas_);
+    }
     return scale.asDiagonal() * noise_.R * scale.asDiagonal();
   }
 
@@ -153,7 +162,8 @@ class Followed {
   const FilterResult& filter_;
   Jacobian jacobian_;
   Gramians gramians_;
-  VectorXd x_, y_;
+  ModelMemory scale_memory_;
+  VectorXd x_, y_, by_formulas_ = VectorXd(model_.outputs);
 };
 
 }  // namespace

@@ -8,7 +8,9 @@
 
 #include "identify/model/internal/condition_form.h"
 #include "identify/model/internal/noise_form.h"
+#include "identify/model/internal/recordings_form.h"
 #include "identify/model/internal/reference_form.h"
+#include "identify/model/internal/scale_form.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
 #include "lib/data/units.h"
@@ -114,13 +116,16 @@ class FormulaReader {
     formulas_.inputs = static_cast<int>(out_.inputs.size());
     formulas_.parameters = static_cast<int>(parameters_.names.size());
     let_move(parameters_, out_.inputs);
+    out_.recordings = read_recordings(root_, parameters_);
     read_time();
     read_definitions();
     read_dynamics();
     const PhysicalNames physical{state_names(), read_outputs(), input_dimensions(),
                                  symbols_.with_units};
+    read_spreads(physical.outputs);
     LinearModel matrices = find_matrices();
-    read_noise(root_, physical, parameters_, matrices);
+    read_noise(is_linear_ ? root_ : with_unit_spreads(root_, spreads_), physical, parameters_,
+               matrices);
     out_.student = read_student(root_, parameters_);
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
     read_initial(root_, physical, parameters_, matrices);
@@ -132,6 +137,7 @@ class FormulaReader {
     read_reference();
     refuse_unused_definitions();
     refuse_unused(parameters_);
+    bound_sources(root_, out_.recordings, parameters_);
     check_start();
     out_.parameters = std::move(parameters_.set);
   }
@@ -210,15 +216,17 @@ class FormulaReader {
     if (let == nullptr) return;
     const std::size_t first = symbols_.names.size() - let->keys.size();
     std::vector<bool> used(let->keys.size());
+    const auto look_at = [&](const Expression& formula) {
+      for (const Expression::Node& each : formula.nodes) {
+        const auto symbol = static_cast<std::size_t>(each.symbol);
+        if (each.op == Op::symbol && symbol >= first) used[symbol - first] = true;
+      }
+    };
     for (const auto* formulas :
          {&formulas_.definitions, &formulas_.dynamics, &formulas_.outputs, &references_}) {
-      for (const Expression& formula : *formulas) {
-        for (const Expression::Node& each : formula.nodes) {
-          const auto symbol = static_cast<std::size_t>(each.symbol);
-          if (each.op == Op::symbol && symbol >= first) used[symbol - first] = true;
-        }
-      }
+      std::for_each(formulas->begin(), formulas->end(), look_at);
     }
+    for (const NoiseSpread& spread : spreads_) look_at(spread.formula);
     for (std::size_t i = 0; i < used.size(); ++i) {
       if (used[i]) continue;
       throw InputError(let->keys[i].at, fmt::format("definition {} is not used anywhere",
@@ -315,6 +323,23 @@ class FormulaReader {
     return out;
   }
 
+  // Those of the measurement noise that hold more than parameters.
+  void read_spreads(const std::vector<PhysicalName>& outputs) {
+    std::vector<std::string> names;
+    for (const PhysicalName& output : outputs) names.push_back(output.name);
+    spreads_ = moving_spreads(
+        root_, names, formulas_, [&](const YamlNode& node, std::size_t i, bool variance) {
+          const std::string what =
+              fmt::format("the {} of '{}'", variance ? "variance" : "standard deviation", names[i]);
+          Expression out = formula(node, what);
+          Dimension wanted = outputs[i].dimension;
+          for (double& e : wanted.exponent) e *= variance ? 2.0 : 1.0;
+          const bool parameter = out.nodes.size() == 1;
+          if (!parameter) check(node, out, wanted, what);
+          return out;
+        });
+  }
+
   // A, B, C and D where the formulas are linear in the states, else matrices of the sizes of noise
   // and start.
   LinearModel find_matrices() {
@@ -322,7 +347,9 @@ class FormulaReader {
     const bool wraps = std::count(general_.wraps.begin(), general_.wraps.end(), true) > 0;
     if (!wraps) general_.wraps.clear();
     LinearModel out;
-    const bool may_be_linear = reading_ == FormulaReading::linear && !wraps;
+    const bool scaled = std::any_of(spreads_.begin(), spreads_.end(),
+                                    [](const NoiseSpread& each) { return each.of_state; });
+    const bool may_be_linear = reading_ == FormulaReading::linear && !wraps && !scaled;
     if (may_be_linear && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
       const bool held = general_.inputs == InputPath::constant;
       std::optional<LinearModel> linear = in_formula(*find(root_, "dynamics"), [&] {
@@ -348,7 +375,7 @@ class FormulaReader {
   }
 
   void decide_form(LinearModel matrices) {
-    if (is_linear_ && !changes(matrices)) {
+    if (is_linear_ && !changes(matrices) && out_.recordings.empty()) {
       out_.form = std::move(matrices);
       return;
     }
@@ -360,6 +387,10 @@ class FormulaReader {
     general_.equations = in_formula(*find(root_, "dynamics"), [&] {
       return make_nonlinear_model(formulas_, Derivatives::second, known_parameters());
     });
+    if (!spreads_.empty()) {
+      general_.noise_scales =
+          scales_of(spreads_, out_.outputs.size(), formulas_, known_parameters());
+    }
     general_.noise = std::move(matrices);
     // What is read into a nonlinear model's matrices is used as it is, not sampled.
     general_.noise.continuous = false;
@@ -401,8 +432,11 @@ class FormulaReader {
   }
 
   std::vector<bool> known_parameters() const {
+    const std::vector<bool> differ = differs(out_.recordings, parameters_.set.size());
     std::vector<bool> out;
-    for (const Parameter& p : parameters_.set) out.push_back(p.fixed);
+    for (std::size_t i = 0; i < differ.size(); ++i) {
+      out.push_back(parameters_.set[i].fixed && !differ[i]);
+    }
     return out;
   }
 
@@ -452,6 +486,7 @@ class FormulaReader {
   int first_parameter_ = 0;
   ModelFormulas formulas_;
   std::vector<Expression> references_;
+  std::vector<NoiseSpread> spreads_;
   bool is_linear_ = false;  // in the states, whatever inputs and time are
   FormulaModel general_;    // until the form is decided
 };

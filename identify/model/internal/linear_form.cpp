@@ -6,6 +6,7 @@
 
 #include "identify/model/internal/condition_form.h"
 #include "identify/model/internal/noise_form.h"
+#include "identify/model/internal/recordings_form.h"
 #include "identify/model/internal/reference_form.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
@@ -62,6 +63,7 @@ void read_linear(const YamlNode& root, Model& out) {
     out.inputs = read_channels(*inputs, "inputs", {});
   }
   let_move(parameters, out.inputs);
+  out.recordings = read_recordings(root, parameters);
   const auto ny = static_cast<Eigen::Index>(out.outputs.size());
   const auto nu = static_cast<Eigen::Index>(out.inputs.size());
 
@@ -107,10 +109,11 @@ void read_linear(const YamlNode& root, Model& out) {
   out.references = references_of(root, out, n);
   read_conditions(root, out);
   refuse_unused(parameters);
+  bound_sources(root, out.recordings, parameters);
   if (const std::optional<ModelFault> fault = fault_at(model, parameters.set)) {
     throw InputError(find(root, fault->key)->at, fault->text);
   }
-  if (changes(model)) {
+  if (changes(model) || !out.recordings.empty()) {
     refuse_stationary_start_of_changes(root, model);
     out.form = changing_model(std::move(model), nu, parameters.names.size());
   }

@@ -3,15 +3,19 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
+#include "identify/model/own_parameters.h"
+#include "identify/model/row_order.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/coloured_errors.h"
 #include "identify/noise/internal/free_directions.h"
+#include "identify/noise/internal/profiled_noise.h"
 #include "solvers/covariance.h"
 
 namespace identikal {
@@ -20,6 +24,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+constexpr double kFlatRegression = 1e-12;
 
 // Minus the second derivatives by the directions' numbers.
 std::optional<MatrixXd> observed(RecordingsLikelihood& likelihood, const LikelihoodProblem& problem,
@@ -57,13 +63,13 @@ MatrixXd excess_of(const MatrixXd& observed, const MatrixXd& expected, const Fre
 }
 
 // The inverse along the directions that are determined: what lies outside the others keeps its error.
-MatrixXd inverse_of_determined(const MatrixXd& information) {
+MatrixXd inverse_of_determined(const MatrixXd& information, double flat) {
   const VectorXd diagonal = information.diagonal();
   const VectorXd by = (diagonal.array() > 0.0).select(diagonal.cwiseSqrt().cwiseInverse(), 0.0);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(by.asDiagonal() * information *
                                                      by.asDiagonal());
   VectorXd inverse = axes.eigenvalues();
-  const double floor = kFlat * std::max(1e-300, inverse.maxCoeff());
+  const double floor = flat * std::max(1e-300, inverse.maxCoeff());
   for (double& value : inverse) value = value > floor ? 1.0 / value : 0.0;
   const MatrixXd half = by.asDiagonal() * axes.eigenvectors();
   return half * inverse.asDiagonal() * half.transpose();
@@ -86,10 +92,38 @@ MatrixXd information_of_entries(const MatrixXd& by, const MatrixXd& information,
 
 }  // namespace
 
+namespace {
+
+// Which free entries are sizes of the noise, and is nothing else known of it? Nothing: no.
+std::optional<std::set<Index>> sizes_of_noise(const Model& model,
+                                              const std::vector<Dataset>& recordings) {
+  std::set<Index> out;
+  for (const Dataset& recording : recordings) {
+    const bool own = !recording.own.empty();
+    const std::optional<NoiseScales> scales =
+        noise_scales(own ? model_in(model, recording) : model);
+    if (!scales) return std::nullopt;
+    const std::vector<Index> joint = own ? joint_entries(model, recording) : std::vector<Index>();
+    for (const Index i : scales->scales) out.insert(own ? joint[static_cast<std::size_t>(i)] : i);
+    if (model.recordings.empty()) break;  // the others are the same
+  }
+  return out;
+}
+
+}  // namespace
+
+double residual_freedom(const Model& model, const std::vector<Dataset>& recordings, Index samples) {
+  const auto sizes = sizes_of_noise(model, recordings);
+  if (!sizes || sizes->empty()) return kNone;
+  const auto others = free_entries(model.parameters).size() - static_cast<Index>(sizes->size());
+  const auto out = static_cast<double>(samples - others);
+  return out >= 1.0 ? out : kNone;
+}
+
 JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood,
                             const LikelihoodProblem& problem, const ParameterSet& end,
                             const VectorXd& best, const std::vector<RootsOnCircle>& polynomials,
-                            const SimulationScore* score) {
+                            const SimulationScore* score, double freedom) {
   const Likelihood* result = likelihood.evaluate(end, true);
   if (result == nullptr) return {};
   const MatrixXd all = result->information;
@@ -114,8 +148,13 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
     return MatrixXd(in_units * covariance * in_units.transpose());
   };
   MatrixXd covariance;
-  const std::optional<MatrixXd> bound = scaled_inverse(information, kFlat);
-  if (bound) {
+  // Slopes of a regression are exact to rounding, and so is what they do not determine.
+  const double flat = rows_have_no_order(likelihood.model(), end) ? kFlatRegression : kFlat;
+  const std::optional<MatrixXd> bound = scaled_inverse(information, flat);
+  if (bound && std::isfinite(freedom)) {
+    covariance = *bound;
+    estimate.covariance_kind = "expected information";
+  } else if (bound) {
     const auto second = observed(likelihood, problem, end, free, best, *bound);
     const auto inverse = second ? scaled_inverse(*second) : std::nullopt;
     covariance = inverse ? *inverse : *bound;
@@ -126,9 +165,15 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
                                          "positive definite)";
   } else {
     estimate.covariance_kind = "partial: some directions carry no information";
-    covariance = inverse_of_determined(information);
+    covariance = inverse_of_determined(information, flat);
   }
   double quantile = normal_quantile(0.975);
+  if (std::isfinite(freedom)) {
+    covariance *= static_cast<double>(likelihood.samples()) / freedom;
+    estimate.covariance_freedom = freedom;
+    quantile = student_t_quantile(0.975, freedom);
+    estimate.covariance_kind += fmt::format(", noise from {:.0f} degrees of freedom", freedom);
+  }
   const bool coloured_errors = score != nullptr && score->by_sample.size() > 0;
   if (coloured_errors && bound) {
     const ColouredCovariance coloured = coloured_covariance(covariance, *score, by);
@@ -139,7 +184,7 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
         fmt::format(", errors correlated over {} samples allowed for", coloured.bandwidth);
   }
   judge_parameters(estimate, information_of_entries(in_units, information, of_entries(covariance)),
-                   of_entries(covariance), quantile);
+                   of_entries(covariance), quantile, flat);
   if (!bound || coloured_errors) return out;
   const MatrixXd products = likelihood.score_products(end);
   if (products.size() > 0) {

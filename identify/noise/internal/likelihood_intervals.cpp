@@ -228,6 +228,13 @@ void for_each_profile(const std::vector<Index>& entries, const ProfiledMaximum& 
   });
 }
 
+// The root of twice the drop at the ends of a 95 % interval.
+double profile_target(const ProfiledMaximum& at) {
+  if (!std::isfinite(at.freedom)) return std::sqrt(chi_square_quantile(0.95, 1.0));
+  const double t = student_t_quantile(0.975, at.freedom);
+  return std::sqrt(static_cast<double>(at.samples) * std::log1p(t * t / at.freedom));
+}
+
 }  // namespace
 
 void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at) {
@@ -238,7 +245,7 @@ void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at) {
   std::vector<Index> sides;  // two of each
   for (const ProfiledParameter& parameter : all) sides.insert(sides.end(), 2, parameter.entry);
   std::vector<std::optional<double>> ends(sides.size());
-  const double target = std::sqrt(chi_square_quantile(0.95, 1.0));
+  const double target = profile_target(at);
   for_each_profile(sides, at, [&](int task, const Profiled& of) {
     const ProfiledParameter& parameter = all[static_cast<std::size_t>(task) / 2];
     const double se = parameter.reported->se * parameter.unit.scale;

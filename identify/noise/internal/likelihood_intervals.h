@@ -21,10 +21,12 @@ struct ProfiledMaximum {
   const JudgedMaximum& judged;
   Eigen::Index samples = 0;  ///< measured values
   int threads = 1;
+  double freedom = kNone;  ///< residual_freedom(), where errors go by it
 };
 
 /// The interval of every parameter that has a standard error becomes that of its profile
-/// likelihood, 3.84 / 2 below the maximum, where that can be had: not for entries of covariances of
+/// likelihood, 3.84 / 2 below the maximum, or n/2 log(1 + t^2 / (n - p)) with n - p degrees of freedom
+/// (Bates & Watts 1988, section 6.1), where that can be had: not for entries of covariances of
 /// lost rank or of Domain::positive_definite, and not where evaluations are dear and the standard error
 /// is small beside the value. Both intervals are then the same but for a part of the order of
 /// their ratio.

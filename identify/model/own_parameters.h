@@ -1,0 +1,54 @@
+// Which parameters have a value of their own in each recording, and which are shared by all of them?
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identify/model/model.h"
+#include "lib/data/dataset.h"
+#include "lib/model/parameter.h"
+
+namespace identikal {
+
+/// The model of these recordings together, where its table (RecordingTable) says that some
+/// parameters have values of their own there: for each of them a parameter is added, NAME_RECORDING or
+/// NAME_LABEL, that starts where the file's does, or at a value found before, and is known where the
+/// table has a number. Every recording says which of them it takes (Dataset::own). A model without
+/// a table stays as it is.
+///
+///   p_i(recording) = p_source(i)     for the recording's own,     p_i     for all others
+///
+/// Example:
+///
+///     const Model model = read_model_file("growth.yaml");  // S0: {value: 1, per: recording}
+///     const Model joint = for_recordings(model, recordings);
+///     const NoiseEstimate found = tune_ml(joint, recordings);
+///     for (const EstimatedParameter& p : found.parameters) std::puts(p.name.c_str());
+///
+/// @throws InputError where a recording has no row that says its label, or no value among those found
+///   before
+Model for_recordings(Model model, std::vector<Dataset>& recordings);
+
+/// The same of further recordings, none of whose values are unknown: those of the file, or found.
+/// @throws InputError for one that has an unknown of its own
+void place_recordings(Model& model, std::vector<Dataset>& recordings);
+
+/// Could NAME be a parameter that for_recordings() adds, and of which one is it a value? -1: no.
+int own_parameter_named(const Model& model, const std::string& name);
+
+/// May recordings have values of their own of this parameter?
+bool has_own_values(const Model& model, int parameter);
+
+/// The values of all parameters in this recording.
+ParameterSet values_in(const ParameterSet& at, const Dataset& recording);
+
+/// The model of one recording alone, which shares nothing: its own values in place of the model's,
+/// free where their sources are, and without changes where its matrices hold none.
+Model model_in(const Model& model, const Dataset& recording);
+
+/// Which free entry of the joint model each free entry of model_in() is.
+std::vector<Eigen::Index> joint_entries(const Model& model, const Dataset& recording);
+
+}  // namespace identikal
