@@ -37,6 +37,9 @@ struct SolverOptions {
   /// Scoring: a search that comes no further has converged where the gain still expected is below
   /// this; 0: a thousand times decrement_tolerance.
   double acceptable_decrement = 0.0;
+  /// Scoring: directions in which the information, scaled to unit diagonal, is below this share of
+  /// its largest are not determined, and nothing is expected of them.
+  double flat = 1e-9;
   /// Called after every iteration (NLopt: evaluation) with its number and objective; return false
   /// to stop with the best so far.
   std::function<bool(int, double)> progress;

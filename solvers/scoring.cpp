@@ -28,18 +28,19 @@ struct Point {
 };
 
 // Coordinates that may move: not at a bound, or at one with the gradient pointing inside.
-std::vector<Index> free_coordinates(const LikelihoodProblem& problem, const Point& at) {
+// @param held  besides those at a bound
+std::vector<Index> free_coordinates(const LikelihoodProblem& problem, const Point& at,
+                                    const std::vector<Index>& held) {
   std::vector<Index> out;
   for (Index i = 0; i < at.x.size(); ++i) {
-    const bool held = (at.x[i] <= problem.lower[i] && at.gradient[i] <= 0.0) ||
-                      (at.x[i] >= problem.upper[i] && at.gradient[i] >= 0.0);
-    if (!held) out.push_back(i);
+    const bool at_bound = (at.x[i] <= problem.lower[i] && at.gradient[i] <= 0.0) ||
+                          (at.x[i] >= problem.upper[i] && at.gradient[i] >= 0.0);
+    if (!at_bound && std::find(held.begin(), held.end(), i) == held.end()) out.push_back(i);
   }
   return out;
 }
 
 constexpr double kNoInformation = 1e-13;  // eigenvalues of the scaled system over the largest
-constexpr double kFlat = 1e-9;            // directions below are not determined
 
 // The information on the given coordinates, scaled to unit diagonal, by its eigenvectors.
 class ScaledSystem {
@@ -104,6 +105,29 @@ std::vector<Index> that_matter(const LikelihoodProblem& problem, const Point& at
            at.information(i, i) * size * size < change;
   });
   return free;
+}
+
+// Coordinates that no longer matter, back towards where they began as far as that changes L by less
+// than this: where they have run to, rounding may be all that the others' slopes say.
+// @param rest  of the free coordinates, those that matter
+// @return those that are held where they are from here on
+std::vector<Index> brought_back(const LikelihoodProblem& problem, const VectorXd& start,
+                                const std::vector<Index>& free, const std::vector<Index>& rest,
+                                double change, Point& at) {
+  constexpr int kMost = 8;  // halves of the way, by logarithm
+  std::vector<Index> out;
+  for (const Index i : free) {
+    if (std::find(rest.begin(), rest.end(), i) != rest.end()) continue;
+    out.push_back(i);
+    for (int k = 0; k < kMost && start[i] > 0.0 && at.x[i] > start[i]; ++k) {
+      Point back = at;
+      back.x[i] = std::sqrt(start[i] * at.x[i]);
+      const bool defined = problem.evaluate(back.x, back.L, &back.gradient, &back.information);
+      if (!defined || !(std::abs(back.L - at.L) < change)) break;
+      at = std::move(back);
+    }
+  }
+  return out;
 }
 
 // The step that stays in the box: coordinates that would leave it stop at the bound and the others
@@ -260,8 +284,9 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
   Damping damping;
   CurvatureCorrection correction(MatrixXd::Zero(start.size(), start.size()));
   RecentGains recent;
+  std::vector<Index> held;
   while (true) {
-    const std::vector<Index> free = free_coordinates(problem, at);
+    const std::vector<Index> free = free_coordinates(problem, at, held);
     const ScaledSystem system(at.information, free);
     summary.expected_gain = system.expected_gain(at.gradient, kNoInformation);
     if (summary.expected_gain <= options.decrement_tolerance) {
@@ -272,8 +297,8 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     if (learnt) model.information = *learnt;
     const ScaledSystem corrected = learnt ? ScaledSystem(*learnt, free) : system;
     // What is not determined has no maximum to be away from.
-    summary.expected_gain = std::max(system.expected_gain(at.gradient, kFlat),
-                                     corrected.expected_gain(at.gradient, kFlat));
+    summary.expected_gain = std::max(system.expected_gain(at.gradient, options.flat),
+                                     corrected.expected_gain(at.gradient, options.flat));
     const bool arrived = summary.expected_gain < acceptable;
     const auto end_short = [&](Termination termination, const char* message) {
       if (!arrived) return finish(termination, message);
@@ -294,8 +319,17 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     if (!trial) {
       const std::vector<Index> rest = that_matter(problem, at, free, acceptable);
       if (!rest.empty() &&
-          ScaledSystem(at.information, rest).expected_gain(at.gradient, kFlat) < acceptable) {
+          ScaledSystem(at.information, rest).expected_gain(at.gradient, options.flat) <
+              acceptable) {
         return finish(Termination::converged, "the increase still expected is negligible");
+      }
+      if (held.empty() && !rest.empty() && rest.size() < free.size()) {
+        held = brought_back(problem, start, free, rest, 0.01 * acceptable, at);
+        damping = {};
+        correction.forget();
+        out.x = at.x;
+        summary.objective = at.L;
+        continue;
       }
       return end_short(Termination::no_progress, "no step increases the likelihood");
     }

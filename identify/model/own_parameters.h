@@ -24,8 +24,7 @@ namespace identikal {
 ///
 ///     const Model model = read_model_file("growth.yaml");  // S0: {value: 1, per: recording}
 ///     const Model joint = for_recordings(model, recordings);
-///     const NoiseEstimate found = tune_ml(joint, recordings);
-///     for (const EstimatedParameter& p : found.parameters) std::puts(p.name.c_str());
+///     for (const Parameter& p : joint.parameters) std::puts(p.name.c_str());
 ///
 /// @throws InputError where a recording has no row that says its label, or no value among those found
 ///   before

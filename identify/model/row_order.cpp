@@ -16,14 +16,6 @@ bool is_constant(const ParametrisedMatrix& M, const MatrixXd& value) {
   return M.entries.empty() && M.formulas.empty() && M.block < 0 && M.constant == value;
 }
 
-bool stays(const LinearModel& model) {
-  const Index n = model.A.constant.rows();
-  const MatrixXd still =
-      model.continuous ? MatrixXd(MatrixXd::Zero(n, n)) : MatrixXd(MatrixXd::Identity(n, n));
-  return is_constant(model.A, still) &&
-         is_constant(model.B, MatrixXd::Zero(n, model.B.constant.cols()));
-}
-
 // Formulas say so where they say it anywhere: two places tell.
 bool stays(const NonlinearModel& model) {
   if (model.continuous || !model.linear_in_state) return false;
@@ -44,12 +36,20 @@ bool stays(const NonlinearModel& model) {
 
 }  // namespace
 
+bool states_stay(const LinearModel& model) {
+  const Index n = model.A.constant.rows();
+  const MatrixXd still =
+      model.continuous ? MatrixXd(MatrixXd::Zero(n, n)) : MatrixXd(MatrixXd::Identity(n, n));
+  return is_constant(model.A, still) &&
+         is_constant(model.B, MatrixXd::Zero(n, model.B.constant.cols()));
+}
+
 bool rows_have_no_order(const Model& model, const ParameterSet& at) {
   if (!has_filter(model)) return false;
   const LinearModel& noise = noise_model(model);
   if (noise.initial != InitialState::given) return false;
   const bool by_formulas = is_formula_model(model) && !changes(model);
-  if (!(by_formulas ? stays(as_formulas(model).equations) : stays(noise))) return false;
+  if (!(by_formulas ? stays(as_formulas(model).equations) : states_stay(noise))) return false;
   const StateSpace written = written_matrices(noise, at);
   const auto none = [](const StateSpace& each) {
     return each.Q.isZero(0.0) && each.P0.isZero(0.0);

@@ -6,6 +6,9 @@
 
 namespace identikal {
 
+/// Do the matrices leave every state where it is? Their noise is not looked at.
+bool states_stay(const LinearModel& model);
+
 /// Does no state of this model move, and is none disturbed or unknown at the start? Outputs are then
 /// functions of the row's inputs and the parameters alone, and what follows from row to row is no
 /// dynamics.

@@ -209,7 +209,10 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const bool determined = estimate.identifiability.rank == estimate.identifiability.of;
   // Profiles take the errors as white.
   const bool profiles = options.profiles && !coloured;
-  if (profiles && converged && determined) take_profile_intervals(estimate, maximum);
+  if (profiles && converged && determined) {
+    append(estimate.findings, limit_from_below(estimate, maximum));
+    take_profile_intervals(estimate, maximum);
+  }
   if (options.pictures) estimate.pictures.searches = found.paths;
   if (options.pictures && !coloured && converged && determined) picture_profiles(estimate, maximum);
   if (!converged) withdraw_errors(estimate);

@@ -8,7 +8,9 @@
 #include "lib/base/nearest_turn.h"
 #include "lib/internal/direction_stack.h"
 #include "lib/internal/small_product.h"
+#include "lib/nonlinear/internal/chain.h"
 #include "lib/nonlinear/internal/innovation_update.h"
+#include "lib/nonlinear/internal/scaled_noise.h"
 #include "lib/nonlinear/internal/sigma_points.h"
 
 namespace identikal {
@@ -63,9 +65,9 @@ void check_arguments(const NonlinearModel& model, const Eigen::Ref<const VectorX
     throw std::invalid_argument("nonlinear filter: a noise density in discrete time");
   }
   if (const NonlinearModel* scales = options.scales;
-      scales != nullptr && (scales->states != model.states || scales->inputs != model.inputs ||
-                            scales->parameters != model.parameters ||
-                            scales->outputs != model.outputs)) {
+      scales != nullptr &&
+      (scales->states != model.states || scales->inputs != model.inputs ||
+       scales->parameters != model.parameters || scales->outputs != model.outputs)) {
     throw std::invalid_argument("nonlinear filter: scales of a model with other sizes");
   }
   const UnscentedWeights& w = options.weights;
@@ -85,41 +87,6 @@ bool is_output_error(const FilterNoise& noise, const std::vector<FilterDirection
            return is_zero(d.noise.Q) && is_zero(d.noise.P0);
          });
 }
-
-// Derivatives by the directions of what has derivatives `by` [x; p], when x has dx.
-class Chain {
- public:
-  Chain(const NonlinearModel& model, const std::vector<FilterDirection>& directions)
-      : nx_(model.states) {
-    for (std::size_t i = 0; i < directions.size(); ++i) {
-      if (directions[i].parameter < 0) continue;
-      const Index column = model.column[directions[i].parameter];
-      if (column >= 0) moved_.push_back({static_cast<Index>(i), column});
-    }
-  }
-  // out += ...
-  template <class ByX, class ByP>
-  void add(const ByX& wrt_x, const ByP& wrt_p, const Stack& dx, Stack& out, Index first = 0,
-           double sign = 1.0) const {
-    for (Index r = 0; r < wrt_x.rows(); ++r) {
-      for (Index l = 0; l < nx_; ++l) add_row(out, first + r, sign * wrt_x(r, l), dx, l);
-      for (const Moved& each : moved_) {
-        out(first + r, each.direction) += sign * wrt_p(r, each.column);
-      }
-    }
-  }
-  void set(const MatrixXd& by, const Stack& dx, Stack& out) const {
-    out.setZero();
-    add(by.leftCols(nx_), by.rightCols(by.cols() - nx_), dx, out);
-  }
-
- private:
-  struct Moved {
-    Index direction, column;
-  };
-  Index nx_;
-  std::vector<Moved> moved_;
-};
 
 // The state as far as it is known at a sample, and its derivatives with respect to the directions.
 struct Belief {
@@ -222,12 +189,12 @@ class NonlinearRecursion {
         y_(y),
         options_(options),
         chain_(model, directions),
-        scale_chain_(options.scales != nullptr ? *options.scales : model, directions),
         nx_(model.states),
         ny_(model.outputs),
         k_(static_cast<Index>(directions.size())),
         density_(options.noise == ProcessNoise::density),
         output_error_(is_output_error(noise, directions)),
+        scaled_(options, p, noise, directions),
         unscented_(options.method == NonlinearMethod::unscented),
         order_(k_ > 0 && !output_error_ ? Derivatives::second : Derivatives::first),
         outputs_(make_output_moments(nx_, ny_, k_)),
@@ -237,10 +204,6 @@ class NonlinearRecursion {
     if (needs_second && model.order == Derivatives::first) {
       throw std::invalid_argument(
           "nonlinear filter: the gradient needs a model with second derivatives");
-    }
-    if (options.scales != nullptr) {
-      scale_memory_ = make_memory(*options.scales);
-      set_parameters(*options.scales, scale_memory_, p);
     }
     prepare(directions);
   }
@@ -296,7 +259,6 @@ class NonlinearRecursion {
       }
     }
     R_ = noise_.R;
-    written_dR_ = dR_;
     next_ = now_;
     W_ = noise_.Q;
     dW_ = dQ_;
@@ -317,11 +279,11 @@ class NonlinearRecursion {
     seen_ = make_sigma_points(ny_, nx_, k_);
   }
 
-  bool scales_noise() const {
-    return options_.noise_scale.size() > 0 || options_.scales != nullptr;
-  }
   void measure(Index t) {
-    if (scales_noise() && !scale_noise(t)) return;
+    if (scaled_.moves() && !is_ok(scaled_.set(t, now_.x, now_.dx, inputs_.at_sample.col(t),
+                                              inputs_.time[t], R_, dR_))) {
+      return;
+    }
     if (output_error_) {
       measure_simulation(t);
     } else if (unscented_) {
@@ -338,37 +300,6 @@ class NonlinearRecursion {
     } else {
       predict_by_jacobian(t);
     }
-  }
-
-  // R and its derivatives, times the scales of both channels. False where one is none.
-  bool scale_noise(Index t) {
-    scale_ = options_.noise_scale.size() > 0 ? VectorXd(options_.noise_scale.col(t))
-                                             : VectorXd::Ones(ny_);
-    dscale_.setZero(ny_, k_);
-    if (options_.scales != nullptr && !multiply_by_formulas(t)) return false;
-    for (Index b = 0; b < ny_; ++b) {
-      for (Index a = 0; a < ny_; ++a) {
-        const Index entry = a + ny_ * b;
-        const double R = noise_.R(a, b);
-        R_(a, b) = R * scale_[a] * scale_[b];
-        if (k_ == 0) continue;
-        dR_.row(entry) = scale_[a] * scale_[b] * written_dR_.row(entry);
-        add_row(dR_, entry, R * scale_[b], dscale_, a);
-        add_row(dR_, entry, R * scale_[a], dscale_, b);
-      }
-    }
-    return true;
-  }
-  bool multiply_by_formulas(Index t) {
-    const NonlinearModel& scales = *options_.scales;
-    VectorXd by(ny_);
-    observe(scales, scale_memory_, now_.x, inputs_.at_sample.col(t), inputs_.time[t], by,
-            scale_slopes_);
-    if (!(by.array() > 0.0).all() || !by.allFinite()) return is_ok(FilterStatus::indefinite);
-    scale_chain_.add(scale_slopes_.wrt_x, scale_slopes_.wrt_p, now_.dx, dscale_);
-    for (Index a = 0; a < ny_; ++a) dscale_.row(a) *= scale_[a];
-    scale_ = scale_.cwiseProduct(by);
-    return true;
   }
 
   bool is_ok(FilterStatus status) {
@@ -411,7 +342,7 @@ class NonlinearRecursion {
     if (present_count_ == 0) return;
     outputs_.e = y_.col(t) - h_;
     take_nearest_turn();
-    if (is_ok(scales_noise() ? set_scaled() : update_.set_constant(outputs_, R_, dR_))) {
+    if (is_ok(scaled_.moves() ? set_scaled() : update_.set_constant(outputs_, R_, dR_))) {
       add_terms(t);
     }
   }
@@ -443,7 +374,7 @@ class NonlinearRecursion {
     dxi_ = now_.dx;
     const bool iterated = options_.method == NonlinearMethod::iterated && present_count_ > 0;
     const MatrixXd& H = seen_slopes_.wrt_x;
-    if (iterated) iterations_.begin(R_, scales_noise(), update_);
+    if (iterated) iterations_.begin(R_, scaled_.moves(), update_);
     for (int i = iterated ? options_.iterations : 1; i > 0; --i) {
       observe(model_, memory_, xi_, inputs_at(t), inputs_.time[t], h_, seen_slopes_, order_);
       outputs_.e = y_.col(t) - h_;
@@ -671,9 +602,11 @@ class NonlinearRecursion {
   const InputNodes& inputs_;
   const Eigen::Ref<const MatrixXd>& y_;
   const NonlinearFilterOptions& options_;
-  const Chain chain_, scale_chain_;
+  const Chain chain_;
   const Index nx_, ny_, k_;
-  const bool density_, output_error_, unscented_;
+  const bool density_, output_error_;
+  ScaledNoise scaled_;
+  const bool unscented_;
   const Derivatives order_;
 
   FilterResult* store_ = nullptr;
@@ -689,15 +622,11 @@ class NonlinearRecursion {
   VectorXd xi_;  // where h is linearised, a sigma point
   Stack dxi_;
   Jacobian moved_slopes_, seen_slopes_;  // of step() and h
-  ModelMemory scale_memory_;
-  Jacobian scale_slopes_;
-  VectorXd scale_;  // of this sample's noise
-  Stack dscale_;
   VectorXd h_;
   Gramians gramians_;
   std::vector<Index> moving_densities_;  // directions with a column of their own there
   MatrixXd R_, W_, T_, X_;
-  Stack dW_, dQ_, dR_, written_dR_, dH_, dPhi_, dT_;
+  Stack dW_, dQ_, dR_, dH_, dPhi_, dT_;
   PointWeights weights_{};
   MatrixXd L_;
   Stack dL_;

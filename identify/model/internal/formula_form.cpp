@@ -13,6 +13,7 @@
 #include "identify/model/internal/scale_form.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
+#include "identify/model/row_order.h"
 #include "lib/data/units.h"
 #include "lib/model/linear_formulas.h"
 
@@ -357,7 +358,7 @@ class FormulaReader {
         if (same || !held) return same;
         return changing_linear_model_of(insert_formulas(formulas_));
       });
-      is_linear_ = linear.has_value();
+      is_linear_ = linear && !is_regression(*linear);
       if (is_linear_) out = *std::move(linear);
     }
     if (!is_linear_) {
@@ -372,6 +373,17 @@ class FormulaReader {
     out.hold = general_.inputs == InputPath::linear ? InputHold::linear : InputHold::constant;
     if (out_.time.step > 0.0) out.dt = out_.time.step;
     return out;
+  }
+
+  // Functions of each row's inputs alone: their formulas cost less than a filter that nothing moves.
+  bool is_regression(const LinearModel& linear) const {
+    const YamlNode* noise = find(root_, "noise");
+    const bool disturbed =
+        find(root_, "Q") != nullptr || (noise != nullptr && find(*noise, "process") != nullptr);
+    const YamlNode* initial = find(root_, "initial");
+    const bool known = initial != nullptr && initial->kind == YamlNode::Kind::mapping &&
+                       initial->keys.size() == 1 && initial->keys[0].text == "mean";
+    return changes(linear) && known && !disturbed && states_stay(linear);
   }
 
   void decide_form(LinearModel matrices) {

@@ -7,11 +7,13 @@
 #include <optional>
 
 #include <Eigen/Cholesky>
+#include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/noise/internal/interval_end.h"
 #include "identify/noise/likelihood_profile.h"
+#include "lib/base/constants.h"
 #include "lib/data/units.h"
 #include "solvers/parallel.h"
 
@@ -300,6 +302,69 @@ bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at) {
                        : std::array<double, 2>{kNone, kNone};
   }
   return true;
+}
+
+namespace {
+
+// How small may the coordinate be? By decades, then by halves of one. Nothing where it may be all but
+// zero.
+std::optional<double> least_likely(const Profiled& of, double target) {
+  constexpr int kDecades = 40, kHalves = 5;
+  const double wanted = 0.5 * target * target;
+  ProfilePath path(of);
+  double inside = of.x[of.i], outside = 0.0;
+  for (int k = 0; k < kDecades && outside == 0.0; ++k) {
+    const double next = 0.1 * inside;
+    if (next <= of.problem.lower[of.i]) return std::nullopt;
+    const std::optional<double> drop = path.drop(next);
+    if (!drop) return std::nullopt;
+    (*drop < wanted ? inside : outside) = next;
+  }
+  if (outside == 0.0) return std::nullopt;
+  for (int k = 0; k < kHalves; ++k) {
+    const double next = std::sqrt(inside * outside);
+    path.restart();
+    const std::optional<double> drop = path.drop(next);
+    if (!drop) return std::nullopt;
+    (*drop < wanted ? inside : outside) = next;
+  }
+  return outside;
+}
+
+}  // namespace
+
+Findings limit_from_below(Estimate& estimate, const ProfiledMaximum& at) {
+  constexpr double kOpen = 1e3;  // standard errors in the value
+  std::vector<ProfiledParameter> all = with_profile(estimate, at);
+  std::erase_if(all, [&](const ProfiledParameter& parameter) {
+    const EstimatedParameter& p = *parameter.reported;
+    const bool positive = p.value > 0.0 && p.bounds[0] >= 0.0 && std::isinf(p.bounds[1]);
+    return !positive || !(relative_error(p) > kOpen) ||
+           at.factors.coordinate_of(parameter.entry) < 0;
+  });
+  std::vector<Index> entries;
+  for (const ProfiledParameter& parameter : all) entries.push_back(parameter.entry);
+  std::vector<std::optional<double>> limits(all.size());
+  const double target = std::sqrt(chi_square_quantile(0.9, 1.0));
+  for_each_profile(entries, at, [&](int task, const Profiled& of) {
+    limits[static_cast<std::size_t>(task)] = least_likely(of, target);
+  });
+  Findings out;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (!limits[k]) continue;
+    EstimatedParameter& p = *all[k].reported;
+    p.se = p.se_sandwich = p.crb_se = kNone;
+    p.ci95 = p.profile95 = {*limits[k] / all[k].unit.scale, kInfinity};
+    p.verdict = Verdict::not_identifiable;
+    p.with.clear();
+    --estimate.identifiability.rank;
+    out.push_back(make_finding(
+        FindingCode::at_bound, {p.name},
+        fmt::format("{} is bounded from below only: above {:.3g}{}{} (95 %) the recording does not "
+                    "tell one value from another",
+                    p.name, p.ci95[0], p.unit.empty() ? "" : " ", p.unit)));
+  }
+  return out;
 }
 
 void picture_profiles(NoiseEstimate& estimate, const ProfiledMaximum& at) {

@@ -36,6 +36,11 @@ void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at);
 /// there.
 bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at);
 
+/// Positive numbers of which the recording says only that they are large, as a rate that is faster than
+/// anything it shows: their interval begins where the profile likelihood says so (one-sided 95 %) and
+/// has no end, and they have no standard error. @return a finding for each
+Findings limit_from_below(Estimate& estimate, const ProfiledMaximum& at);
+
 /// The profile likelihoods as curves: from the maximum outwards until they have fallen well below
 /// the 95 % limit, or to the bound.
 void picture_profiles(NoiseEstimate& estimate, const ProfiledMaximum& at);

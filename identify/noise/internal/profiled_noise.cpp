@@ -4,7 +4,10 @@
 #include <cmath>
 #include <set>
 
+#include <Eigen/QR>
+
 #include "identify/model/parameter_prior.h"
+#include "lib/base/random.h"
 #include "lib/model/linear_model.h"
 
 namespace identikal {
@@ -106,9 +109,63 @@ std::optional<NoiseScales> noise_scales(const Model& model) {
   return out;
 }
 
+namespace {
+
+// The way to the best of what is linear: of several that are as good, the shortest.
+VectorXd least_squares_step(const MatrixXd& information, const VectorXd& gradient) {
+  const VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::CompleteOrthogonalDecomposition<MatrixXd> of(scale.asDiagonal() * information *
+                                                            scale.asDiagonal());
+  return scale.asDiagonal() * of.solve(scale.asDiagonal() * gradient);
+}
+
+// Do slopes follow the information where these coordinates are moved by about their size?
+bool is_linear_in(const LikelihoodProblem& problem, const VectorXd& at, const VectorXd& gradient,
+                  const MatrixXd& information, const std::vector<Index>& which, Random& random) {
+  constexpr double kExact = 1e-7;
+  VectorXd moved = at, g;
+  MatrixXd J;
+  for (const Index i : which) {
+    moved[i] += std::max(1.0, std::abs(at[i])) * (random.normal() > 0.0 ? 1.0 : -0.6);
+  }
+  double L = 0.0;
+  if (!problem.evaluate(moved, L, &g, &J)) return false;
+  const MatrixXd before = information(which, which), after = J(which, which);
+  const VectorXd expected = before * (moved - at)(which), change = (gradient - g)(which);
+  const VectorXd size =
+      before.diagonal().cwiseSqrt() * std::sqrt(expected.dot((moved - at)(which)));
+  return (after - before).cwiseAbs().maxCoeff() <= kExact * before.cwiseAbs().maxCoeff() &&
+         ((change - expected).array().abs() <= kExact * size.array()).all();
+}
+
+}  // namespace
+
+std::vector<Index> linear_coordinates(const LikelihoodProblem& problem, const NoiseScales& which,
+                                      const VectorXd& start) {
+  double L = 0.0;
+  VectorXd gradient;
+  MatrixXd information;
+  if (!problem.evaluate(start, L, &gradient, &information)) return {};
+  Random random(1);
+  std::vector<Index> out;
+  for (const Index i : which.others) {
+    const bool bounded = std::isfinite(problem.lower[i]) || std::isfinite(problem.upper[i]);
+    if (bounded || !(information(i, i) > 0.0)) continue;
+    out.push_back(i);
+    if (!is_linear_in(problem, start, gradient, information, out, random)) out.pop_back();
+  }
+  // Something has to be left to search for.
+  if (out.size() == which.others.size() && !out.empty()) out.pop_back();
+  return out;
+}
+
 ProfiledLikelihood::ProfiledLikelihood(const LikelihoodProblem& problem, NoiseScales which,
-                                       const VectorXd& start)
-    : of_all_(problem), which_(std::move(which)), at_(start) {}
+                                       const VectorXd& start, std::vector<Index> linear)
+    : of_all_(problem), which_(std::move(which)), linear_(std::move(linear)), at_(start) {
+  std::erase_if(which_.others, [&](Index i) {
+    return std::find(linear_.begin(), linear_.end(), i) != linear_.end();
+  });
+}
 
 VectorXd ProfiledLikelihood::all(const VectorXd& others) {
   at_(which_.others) = others;
@@ -119,26 +176,43 @@ VectorXd ProfiledLikelihood::all(const VectorXd& others) {
   return at_;
 }
 
-// Moves the scales to their maximum.
-bool ProfiledLikelihood::settle(VectorXd& gradient, MatrixXd& information, double& L) {
-  constexpr int kMost = 6;
-  constexpr double kLeast = 1e-16;  // of S/n: below, rounding says nothing
+// Evaluates, with what is linear at its best.
+bool ProfiledLikelihood::settle_linear(VectorXd& gradient, MatrixXd& information, double& L) {
+  constexpr int kMost = 3;  // the second for what rounding left
   for (int pass = 0; pass < kMost; ++pass) {
     if (!of_all_.evaluate(at_, L, &gradient, &information) || !std::isfinite(L)) return false;
-    double moved = 0.0;
-    for (std::size_t i = 0; i < which_.scales.size(); ++i) {
-      const Index c = which_.scales[i];
-      const double s = at_[c], a = which_.exponent[static_cast<Index>(i)];
-      const double n = 2.0 * s * s * information(c, c) / (a * a);
-      if (!(n > 0.0)) continue;  // nothing was measured
-      const double share = std::max(kLeast, 1.0 + 2.0 * s * gradient[c] / (a * n));
-      const double to =
-          std::clamp(s * std::pow(share, 1.0 / a), of_all_.lower[c], of_all_.upper[c]);
-      if (!std::isfinite(to) || to == 0.0) continue;
-      moved = std::max(moved, std::abs(to / s - 1.0));
-      at_[c] = to;
-    }
-    if (moved < 1e-6) return true;
+    if (linear_.empty() || pass + 1 == kMost) return true;
+    const VectorXd slope = gradient(linear_);
+    const VectorXd step = least_squares_step(information(linear_, linear_), slope);
+    if (!step.allFinite() || slope.dot(step) < 1e-9) return true;
+    at_(linear_) += step;
+  }
+  return true;
+}
+
+// Moves the scales to their maximum. @return by what share, at most
+double ProfiledLikelihood::move_scales(const VectorXd& gradient, const MatrixXd& information) {
+  constexpr double kLeast = 1e-16;  // of S/n: below, rounding says nothing
+  double moved = 0.0;
+  for (std::size_t i = 0; i < which_.scales.size(); ++i) {
+    const Index c = which_.scales[i];
+    const double s = at_[c], a = which_.exponent[static_cast<Index>(i)];
+    const double n = 2.0 * s * s * information(c, c) / (a * a);
+    if (!(n > 0.0)) continue;  // nothing was measured
+    const double share = std::max(kLeast, 1.0 + 2.0 * s * gradient[c] / (a * n));
+    const double to = std::clamp(s * std::pow(share, 1.0 / a), of_all_.lower[c], of_all_.upper[c]);
+    if (!std::isfinite(to) || to == 0.0) continue;
+    moved = std::max(moved, std::abs(to / s - 1.0));
+    at_[c] = to;
+  }
+  return moved;
+}
+
+bool ProfiledLikelihood::settle(VectorXd& gradient, MatrixXd& information, double& L) {
+  constexpr int kMost = 6;
+  for (int pass = 0; pass < kMost; ++pass) {
+    if (!settle_linear(gradient, information, L)) return false;
+    if (move_scales(gradient, information) < 1e-6) return true;
   }
   return true;
 }
@@ -157,7 +231,14 @@ LikelihoodProblem ProfiledLikelihood::problem() {
       return false;
     }
     if (gradient != nullptr) *gradient = g(which_.others);
-    if (information != nullptr) *information = J(which_.others, which_.others);
+    if (information == nullptr) return true;
+    *information = J(which_.others, which_.others);
+    if (linear_.empty()) return true;
+    const MatrixXd across = J(linear_, which_.others), within = J(linear_, linear_);
+    for (Index i = 0; i < across.cols(); ++i) {
+      information->col(i) -= across.transpose() * least_squares_step(within, across.col(i));
+    }
+    *information = (0.5 * (*information + information->transpose())).eval();
     return true;
   };
   return out;

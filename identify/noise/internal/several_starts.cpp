@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/model/row_order.h"
 #include "identify/noise/internal/common_scale.h"
 #include "identify/noise/internal/profiled_noise.h"
 #include "identify/noise/internal/promising_starts.h"
@@ -17,6 +18,7 @@
 #include "identify/noise/internal/scattered_start.h"
 #include "identify/noise/internal/shot_starts.h"
 #include "lib/base/random.h"
+#include "solvers/covariance.h"
 #include "solvers/parallel.h"
 #include "solvers/trust_region.h"
 
@@ -60,6 +62,9 @@ bool every_coordinate_matters(const Point& at) {
   }
   return true;
 }
+
+// Of a regression, SolverOptions::flat, and the gain still expected where the last digits are found.
+constexpr double kFlatRegression = 1e-13, kLastDigits = 1e-19;
 
 SolverOptions search_options() {
   SolverOptions out;
@@ -121,6 +126,7 @@ class Searches {
       : options_(options),
         most_(shot ? kFromShot : kApproach),
         starts_(std::move(starts)),
+        exact_slopes_(rows_have_no_order(model, model.parameters)),
         scales_(noise_scales(model)),
         roots_(model, factors),
         scale_(model, factors, samples),
@@ -130,6 +136,10 @@ class Searches {
   Search run(const LikelihoodProblem& problem, int start, const std::optional<Point>& known) {
     Search out;
     SolverOptions solver = search_options();
+    if (exact_slopes_) {
+      solver.flat = kFlatRegression;
+      solver.decrement_tolerance = kLastDigits;
+    }
     solver.max_iterations = std::min(solver.max_iterations, most_);
     if (options_.iterations > 0) solver.max_iterations = options_.iterations;
     solver.progress = [&](int iteration, double L) {
@@ -243,17 +253,45 @@ class Searches {
   // @param solution  written: where that ended, with the noise that was left
   SolverSummary approached(const LikelihoodProblem& problem, const VectorXd& from,
                            SolverOptions solver, Solution& solution) const {
-    ProfiledLikelihood profiled(problem, *scales_, from);
+    const std::vector<Index> linear =
+        exact_slopes_ ? linear_coordinates(problem, *scales_, from) : std::vector<Index>();
+    ProfiledLikelihood profiled(problem, *scales_, from, linear);
     solver.max_iterations = most_;
     solver.decrement_tolerance = kPlateau;
-    solution = maximise_from_afar(profiled.problem(), profiled.start(), samples_, solver);
+    const LikelihoodProblem of_others = profiled.problem();
+    solution = maximise_from_afar(of_others, profiled.start(), samples_, solver);
+    if (exact_slopes_) leave_ridge(of_others, solver, solution);
     solution.x = profiled.all(solution.x);
     return solution.summary;
+  }
+
+  // Where two terms of a sum have become one, as two exponentials with the same rate, slopes vanish
+  // across the ridge, and the way down to where they part is found from beside it.
+  void leave_ridge(const LikelihoodProblem& problem, const SolverOptions& solver,
+                   Solution& solution) const {
+    constexpr int kTries = 3;
+    constexpr double kBeside = 0.3, kSingular = 1e-8;
+    const std::optional<Point> end = point_at(problem, solution.x);
+    if (!end || scaled_inverse(end->information, kSingular)) return;
+    Random random(1);
+    for (int k = 0; k < kTries; ++k) {
+      VectorXd x = end->x;
+      for (double& each : x) each *= std::exp(kBeside * random.normal());
+      Solution other = maximise_from_afar(
+          problem, x.cwiseMax(problem.lower).cwiseMin(problem.upper), samples_, solver);
+      if (other.summary.objective > solution.summary.objective + kSameMaximum) {
+        add_effort(solution.summary, other.summary);
+        solution = std::move(other);
+      } else {
+        add_effort(other.summary, solution.summary);
+      }
+    }
   }
 
   const NoiseMlOptions& options_;
   const int most_;  // iterations of an approach
   std::vector<VectorXd> starts_;
+  const bool exact_slopes_;            // to rounding: nothing is integrated
   std::optional<NoiseScales> scales_;  // of the noise of a simulation, if it is one
   RootCoordinates roots_;
   CommonScale scale_;

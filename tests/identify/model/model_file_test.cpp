@@ -53,7 +53,7 @@ outputs: {r: {column: 3, unit: deg/s}, vy: {column: vy}}
 
 const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
-    "include, A, B, C, "
+    "include, recordings, A, B, C, "
     "D, G, Q, "
     "R, S, initial, flags, load_transfer, roll, sensors, tyre, regression, states, let, dynamics";
 const std::string kVehicleKeys =
@@ -492,9 +492,9 @@ constexpr Mistake kLinearMistakes[] = {
     {"name: demo", "name: demo\nname: again",
      "3:1: key 'name' is given twice; the first is on line 2"},
     {"name: demo", "model: bicycle",
-     "2:8: model is 'bicycle'; expected one of single-track, regression"},
+     "2:8: model is 'bicycle'; expected one of single-track, regression, static"},
     {"name: demo", "model: single-trak",
-     "2:8: model is 'single-trak'; expected one of single-track, regression; did you mean "
+     "2:8: model is 'single-trak'; expected one of single-track, regression, static; did you mean "
      "'single-track'?"},
     {"name: demo", "states: {vy: m/s}", "7:1: 'A' is a duplicate of the formulas"},
     {"name: demo", "dynamics: {x: y}", "7:1: 'A' is a duplicate of the formulas"},
@@ -597,7 +597,7 @@ constexpr Mistake kLinearMistakes[] = {
      "5:24: prior of parameter 'q' has 2 forms; expected one"},
     {"{value: 2, min: 0}", "{value: 2, mim: 3}",
      "5:17: unknown key 'mim' in parameter 'q'; expected one of value, min, max, fixed, unit, "
-     "role, prior; did you mean 'min'?"},
+     "role, prior, per; did you mean 'min'?"},
     {"{value: 2, min: 0}", "{value: 2, fixed: yes}",
      "5:24: fixed is 'yes'; expected one of true, false"},
     {"{value: 2, min: 0}", "{value: 2, role: noise}",

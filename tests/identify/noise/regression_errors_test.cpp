@@ -22,16 +22,17 @@ using Eigen::VectorXd;
 
 struct Certified {
   const char* name;
-  std::string unknowns, formula;
+  std::string unknowns, from_afar, formula;
   std::vector<double> x, y, value, error;
 };
 
 // NIST Statistical Reference Datasets, nonlinear regression, both the data and the certified numbers
-// (itl.nist.gov/div898/strd/nls). From the second start of each.
+// (itl.nist.gov/div898/strd/nls). From the second start of each, and from the first.
 const std::vector<Certified>& certified() {
   static const std::vector<Certified> all = {
       {"Misra1a",
        "b1: 250\n  b2: 5e-4",
+       "b1: 500\n  b2: 1e-4",
        "b1*(1 - exp(-b2*x))",
        {77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1,
         760.0},
@@ -41,6 +42,7 @@ const std::vector<Certified>& certified() {
        {2.7070075241, 7.2668688436e-6}},
       {"DanWood",
        "b1: 0.7\n  b2: 4",
+       "b1: 1\n  b2: 5",
        "b1*x^b2",
        {1.309, 1.471, 1.490, 1.565, 1.611, 1.680},
        {2.138, 3.421, 3.597, 4.340, 4.882, 5.660},
@@ -48,6 +50,7 @@ const std::vector<Certified>& certified() {
        {1.8281973860e-2, 5.1726610913e-2}},
       {"MGH10",
        "b1: 0.02\n  b2: 4000\n  b3: 250",
+       "b1: 2\n  b2: 400000\n  b3: 25000",
        "b1*exp(b2/(x + b3))",
        {50, 55, 60, 65, 70, 75, 80, 85, 90, 95, 100, 105, 110, 115, 120, 125},
        {34780, 28610, 23650, 19630, 16370, 13720, 11540, 9744, 8261, 7030, 6005, 5147, 4427, 3820,
@@ -81,20 +84,67 @@ class RegressionErrors : public testing::TestWithParam<std::size_t> {};
 
 TEST_P(RegressionErrors, AreThoseThatNistCertifies) {
   const Certified& c = certified()[GetParam()];
-  const Model model = static_model(c.unknowns, c.formula);
-  ASSERT_TRUE(rows_have_no_order(model, model.parameters));
-  const NoiseEstimate found =
-      tune_ml(model, {recording(model, Samples(vector_of(c.y)), 1.0, Samples(vector_of(c.x)))});
-  EXPECT_EQ(found.status, Status::ok) << found.message;
-  for (std::size_t i = 0; i < c.value.size(); ++i) {
-    EXPECT_NEAR(found.parameters[i].value, c.value[i], 1e-8 * std::abs(c.value[i]));
-    EXPECT_NEAR(found.parameters[i].se, c.error[i], 1e-6 * c.error[i]);
+  for (const std::string& start : {c.unknowns, c.from_afar}) {
+    const Model model = static_model(start, c.formula);
+    ASSERT_TRUE(rows_have_no_order(model, model.parameters));
+    NoiseMlOptions options;
+    options.starts = 1;
+    const NoiseEstimate found = tune_ml(
+        model, {recording(model, Samples(vector_of(c.y)), 1.0, Samples(vector_of(c.x)))}, options);
+    EXPECT_EQ(found.status, Status::ok) << found.message;
+    for (std::size_t i = 0; i < c.value.size(); ++i) {
+      EXPECT_NEAR(found.parameters[i].value, c.value[i], 1e-8 * std::abs(c.value[i]));
+      EXPECT_NEAR(found.parameters[i].se, c.error[i], 1e-6 * c.error[i]);
+    }
+    EXPECT_EQ(found.covariance_freedom, static_cast<double>(c.x.size() - c.value.size()));
   }
-  EXPECT_EQ(found.covariance_freedom, static_cast<double>(c.x.size() - c.value.size()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Nist, RegressionErrors, testing::Values(0, 1, 2),
                          [](const auto& p) { return certified()[p.param].name; });
+
+// A saturation that the first row has reached already: how fast, nobody can tell. With a true rate of
+// 20, exp(-20 x) at x = 0.5 is 5e-5, and the noise 0.01; of exp(-b/2) = 0.01 b is 9.
+TEST(RegressionSearch, ARateThatIsBoundedFromBelowOnlyIsSaidToBe) {
+  const VectorXd x = VectorXd::LinSpaced(30, 0.5, 5.0);
+  Random random(2);
+  const VectorXd y =
+      (2.0 * (1.0 - (-20.0 * x.array()).exp())).matrix() + 0.01 * random.normal(30);
+  Model model = static_model("a: 1.5\n  b: 30", "a*(1 - exp(-b*x))");
+  model.parameters[1].min = 0.0;
+  NoiseMlOptions options;
+  options.starts = 1;
+  const NoiseEstimate found =
+      tune_ml(model, {recording(model, Samples(y), 1.0, Samples(x))}, options);
+  const EstimatedParameter& b = found.parameters[1];
+  EXPECT_EQ(found.status, Status::rejected) << found.message;
+  EXPECT_EQ(b.verdict, Verdict::not_identifiable);
+  EXPECT_TRUE(std::isnan(b.se));
+  EXPECT_GT(b.ci95[0], 6.0);
+  EXPECT_LT(b.ci95[0], 20.0);
+  EXPECT_TRUE(std::isinf(b.ci95[1]));
+  EXPECT_NEAR(found.parameters[0].value, 2.0, 0.006);
+  EXPECT_TRUE(std::isfinite(found.parameters[0].se));
+}
+
+// NIST's MGH17 from its first start: two exponentials become one on the way, where slopes vanish.
+TEST(RegressionSearch, LeavesTheRidgeWhereTwoTermsAreOne) {
+  const VectorXd x = VectorXd::LinSpaced(33, 0.0, 320.0);
+  const VectorXd y{{0.844, 0.908, 0.932, 0.936, 0.925, 0.908, 0.881, 0.850, 0.818, 0.784, 0.751,
+                    0.718, 0.685, 0.658, 0.628, 0.603, 0.580, 0.558, 0.538, 0.522, 0.506, 0.490,
+                    0.478, 0.467, 0.457, 0.448, 0.438, 0.431, 0.424, 0.420, 0.414, 0.411, 0.406}};
+  const Model model = static_model("b1: 50\n  b2: 150\n  b3: -100\n  b4: 1\n  b5: 2",
+                                   "b1 + b2*exp(-x*b4) + b3*exp(-x*b5)");
+  NoiseMlOptions options;
+  options.starts = 1;
+  const NoiseEstimate found =
+      tune_ml(model, {recording(model, Samples(y), 1.0, Samples(x))}, options);
+  EXPECT_EQ(found.status, Status::ok) << found.message;
+  const double squares = 33.0 * std::pow(found.parameters[5].value, 2);
+  EXPECT_NEAR(squares, 5.4648946975e-5, 1e-8 * squares);
+  const double slow = std::min(found.parameters[3].value, found.parameters[4].value);
+  EXPECT_NEAR(slow, 1.2867534640e-2, 1e-7 * slow);
+}
 
 TEST(RegressionErrorsOfFewRows, AreTimesARootOfNOverNLessPThoseOfTheLikelihood) {
   const Certified& c = certified()[1];
