@@ -87,10 +87,10 @@ void refuse_own_parameters(const Model& model, const std::string& verb) {
       std::find(kTakeThem.begin(), kTakeThem.end(), verb) != kTakeThem.end()) {
     return;
   }
-  throw InputError({model.source, 0, 0},
-                   fmt::format("'{}' takes no parameters with values of their own in each recording",
-                               verb),
-                   "a model without 'per' and 'recordings'", "tune, fit, filter and check take them");
+  throw InputError(
+      {model.source, 0, 0},
+      fmt::format("'{}' takes no parameters with values of their own in each recording", verb),
+      "a model without 'per' and 'recordings'", "tune, fit, filter and check take them");
 }
 
 }  // namespace

@@ -264,10 +264,10 @@ void refuse_beside_own_parameters(const TuneOptions& options, const Model& model
         std::pair{options.purpose == kEstimates, "--for estimates"},
         std::pair{options.extend, "--extend"}}) {
     if (!given) continue;
-    throw InputError({model.source, 0, 0},
-                     fmt::format("{} and parameters with values of their own in each recording",
-                                 what),
-                     "one of the two");
+    throw InputError(
+        {model.source, 0, 0},
+        fmt::format("{} and parameters with values of their own in each recording", what),
+        "one of the two");
   }
 }
 

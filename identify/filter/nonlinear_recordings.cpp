@@ -387,10 +387,10 @@ NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Datase
   if (!integration.controlled && steps.status == StepStatus::not_finite) {
     refuse_motion(model, recording, recording.time[steps.sample]);
   }
-  NonlinearRealisation out = simulate_nonlinear_outputs(
-      formulas.equations, formula_parameters(formulas, at), noise,
-      formulas.noise.noise, nodes_in(formulas, recording, integration), random,
-      formulas.noise_scales ? &*formulas.noise_scales : nullptr);
+  NonlinearRealisation out =
+      simulate_nonlinear_outputs(formulas.equations, formula_parameters(formulas, at), noise,
+                                 formulas.noise.noise, nodes_in(formulas, recording, integration),
+                                 random, formulas.noise_scales ? &*formulas.noise_scales : nullptr);
   for (Index k = 0; integration.controlled && k < out.x.cols(); ++k) {
     if (!out.x.col(k).allFinite()) refuse_motion(model, recording, recording.time[k]);
   }

@@ -144,8 +144,8 @@ double largest_by_chance(const std::vector<FilterResult>& now, const ParameterSe
   return std::sqrt(squares * t * t / (freedom - 1.0 + t * t));
 }
 
-Deviations robust_deviations(const std::vector<Dataset>& recordings,
-                             const ParameterSet& parameters, const std::vector<FilterResult>& now,
+Deviations robust_deviations(const std::vector<Dataset>& recordings, const ParameterSet& parameters,
+                             const std::vector<FilterResult>& now,
                              const std::vector<Still>& still) {
   const std::vector<Channel>& outputs = recordings[0].outputs;
   const auto ny = static_cast<Index>(outputs.size());

@@ -105,8 +105,7 @@ void RecordingsLikelihood::part_recordings() {
   }
 }
 
-const Likelihood& RecordingsLikelihood::evaluate_parts(const ParameterSet& at,
-                                                       bool with_gradient) {
+const Likelihood& RecordingsLikelihood::evaluate_parts(const ParameterSet& at, bool with_gradient) {
   const Eigen::Index k = with_gradient ? free_entries(at).size() : 0;
   of_parts_.status = FilterStatus::ok;
   of_parts_.value = 0.0;
@@ -114,7 +113,8 @@ const Likelihood& RecordingsLikelihood::evaluate_parts(const ParameterSet& at,
   of_parts_.information.setZero(k, k);
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     Part& part = *parts_[i];
-    const Likelihood* one = part.likelihood.evaluate(part.values(at, recordings_[i]), with_gradient);
+    const Likelihood* one =
+        part.likelihood.evaluate(part.values(at, recordings_[i]), with_gradient);
     if (one == nullptr) {
       of_parts_.status = FilterStatus::indefinite;
       return of_parts_;
@@ -184,8 +184,8 @@ void RecordingsLikelihood::condition_on_beginning() {
 double RecordingsLikelihood::log_likelihood_of_beginning(const ParameterSet& at) {
   double of_parts = 0.0;
   for (std::size_t i = 0; i < parts_.size(); ++i) {
-    of_parts += parts_[i]->likelihood.log_likelihood_of_beginning(
-        parts_[i]->values(at, recordings_[i]));
+    of_parts +=
+        parts_[i]->likelihood.log_likelihood_of_beginning(parts_[i]->values(at, recordings_[i]));
   }
   if (!parts_.empty()) return of_parts;
   if (first_outputs_.empty()) return 0.0;

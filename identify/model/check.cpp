@@ -164,7 +164,8 @@ void refuse_unused(const Model& model) {
     }
   }
   for (const RecordingTable::Row& row : model.recordings.rows) {
-    for (const auto& [parameter, source] : row.sources) used[static_cast<std::size_t>(source)] = true;
+    for (const auto& [parameter, source] : row.sources)
+      used[static_cast<std::size_t>(source)] = true;
   }
   const int freedom = model.student ? model.student->parameter : -1;
   if (freedom >= 0) used[static_cast<std::size_t>(freedom)] = true;

@@ -28,8 +28,7 @@ namespace {
 
 const std::vector<std::string> kCommonKeys = {"identikal",  "name",      "model",   "time",
                                               "parameters", "inputs",    "outputs", "noise",
-                                              "use_when",   "reference", "include",
-                                              "recordings"};
+                                              "use_when",   "reference", "include", "recordings"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "roll", "sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};

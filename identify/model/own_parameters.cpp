@@ -109,7 +109,8 @@ class Placing {
     const std::string name = of.name + "_" + label;
     const int there = find_parameter(model_.parameters, name);
     if (there >= 0) {
-      if (model_.parameters[static_cast<std::size_t>(there)].scope == Scope::recording) return there;
+      if (model_.parameters[static_cast<std::size_t>(there)].scope == Scope::recording)
+        return there;
       throw InputError({model_.source, 0, 0},
                        fmt::format("'{}' is a parameter, and what '{}' would be called in '{}'",
                                    name, of.name, recording.name),
@@ -181,8 +182,7 @@ void place_recordings(Model& model, std::vector<Dataset>& recordings) {
 
 int own_parameter_named(const Model& model, const std::string& name) {
   for (const auto& own : model.recordings.own) {
-    const std::string begin =
-        model.parameters[static_cast<std::size_t>(own.parameter)].name + "_";
+    const std::string begin = model.parameters[static_cast<std::size_t>(own.parameter)].name + "_";
     if (name.size() > begin.size() && name.starts_with(begin)) return own.parameter;
   }
   for (const auto& row : model.recordings.rows) {

@@ -1,5 +1,6 @@
 #include "identify/noise/ml.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -153,6 +154,13 @@ struct Maximum {
   SeveralStarts found;
 };
 
+// Is all that is not determined without any influence where the search has ended?
+bool nothing_but_unexcited(const Estimate& estimate) {
+  return std::none_of(
+      estimate.parameters.begin(), estimate.parameters.end(),
+      [](const EstimatedParameter& p) { return p.verdict == Verdict::not_identifiable; });
+}
+
 // Searches, and reports all that likelihood and search say: parameters with their errors, profiles,
 // bounds, the search itself.
 Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
@@ -209,10 +217,10 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const bool determined = estimate.identifiability.rank == estimate.identifiability.of;
   // Profiles take the errors as white.
   const bool profiles = options.profiles && !coloured;
-  if (profiles && converged && determined) {
+  if (profiles && converged && (determined || nothing_but_unexcited(estimate))) {
     append(estimate.findings, limit_from_below(estimate, maximum));
-    take_profile_intervals(estimate, maximum);
   }
+  if (profiles && converged && determined) take_profile_intervals(estimate, maximum);
   if (options.pictures) estimate.pictures.searches = found.paths;
   if (options.pictures && !coloured && converged && determined) picture_profiles(estimate, maximum);
   if (!converged) withdraw_errors(estimate);

@@ -21,7 +21,7 @@ enum class FitObjective {
 /// How large is the noise of outputs that errors are made of, where no noise moves the states and its
 /// size is unknown?
 enum class NoiseSize {
-  residuals,   ///< sum e^2 / (n - p), and Student's t with n - p degrees of freedom, as in regression
+  residuals,  ///< sum e^2 / (n - p), and Student's t with n - p degrees of freedom, as in regression
   likelihood,  ///< sum e^2 / n, its most likely value, and the normal distribution
 };
 

@@ -121,9 +121,9 @@ bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& re
       !std::all_of(by.begin(), by.end(), has_no_noise_but_of_outputs)) {
     return false;
   }
-  const bool own_starts =
-      std::any_of(recordings.begin(), recordings.end(),
-                  [](const Dataset& data) { return data.start_mean.size() > 0 || !data.own.empty(); });
+  const bool own_starts = std::any_of(
+      recordings.begin(), recordings.end(),
+      [](const Dataset& data) { return data.start_mean.size() > 0 || !data.own.empty(); });
   return !own_starts && !recordings.empty() && TrajectoryProblem(model, recordings).moves_states();
 }
 

@@ -88,12 +88,12 @@ RecordingTable::Row read_row(const YamlNode& name, const YamlNode& body,
     } else {
       std::vector<std::string> known = parameters.names;
       known.insert(known.end(), labels.begin(), labels.end());
-      throw InputError(key.at, fmt::format("{} has {}", what, in_quotes(key.text)),
-                       fmt::format("parameters{}", labels.empty()
-                                                       ? std::string()
-                                                       : fmt::format(", or a label: {}",
-                                                                     fmt::join(labels, ", "))),
-                       did_you_mean(key.text, known));
+      throw InputError(
+          key.at, fmt::format("{} has {}", what, in_quotes(key.text)),
+          fmt::format("parameters{}",
+                      labels.empty() ? std::string()
+                                     : fmt::format(", or a label: {}", fmt::join(labels, ", "))),
+          did_you_mean(key.text, known));
     }
   }
   return row;

@@ -90,11 +90,11 @@ YamlNode with_unit_spreads(YamlNode root, const std::vector<NoiseSpread>& spread
 
 NonlinearModel scales_of(const std::vector<NoiseSpread>& spreads, std::size_t outputs,
                          ModelFormulas symbols, const std::vector<bool>& known) {
-  symbols.dynamics.assign(static_cast<std::size_t>(symbols.states), number(0.0));  // which nothing takes
+  symbols.dynamics.assign(static_cast<std::size_t>(symbols.states),
+                          number(0.0));  // which nothing takes
   symbols.outputs.assign(outputs, number(1.0));
   for (const NoiseSpread& spread : spreads) {
-    symbols.outputs[spread.output] =
-        spread.variance ? square_root(spread.formula) : spread.formula;
+    symbols.outputs[spread.output] = spread.variance ? square_root(spread.formula) : spread.formula;
   }
   return make_nonlinear_model(symbols, Derivatives::first, known);
 }

@@ -313,6 +313,9 @@ std::optional<double> least_likely(const Profiled& of, double target) {
   const double wanted = 0.5 * target * target;
   ProfilePath path(of);
   double inside = of.x[of.i], outside = 0.0;
+  const double smallest = std::max(of.problem.lower[of.i], inside * std::pow(10.0, -kDecades));
+  if (const auto drop = path.drop(smallest); drop && *drop < wanted) return std::nullopt;
+  path.restart();
   for (int k = 0; k < kDecades && outside == 0.0; ++k) {
     const double next = 0.1 * inside;
     if (next <= of.problem.lower[of.i]) return std::nullopt;
@@ -339,8 +342,8 @@ Findings limit_from_below(Estimate& estimate, const ProfiledMaximum& at) {
   std::erase_if(all, [&](const ProfiledParameter& parameter) {
     const EstimatedParameter& p = *parameter.reported;
     const bool positive = p.value > 0.0 && p.bounds[0] >= 0.0 && std::isinf(p.bounds[1]);
-    return !positive || !(relative_error(p) > kOpen) ||
-           at.factors.coordinate_of(parameter.entry) < 0;
+    const bool open = p.verdict == Verdict::unexcited || relative_error(p) > kOpen;
+    return !positive || !open || at.factors.coordinate_of(parameter.entry) < 0;
   });
   std::vector<Index> entries;
   for (const ProfiledParameter& parameter : all) entries.push_back(parameter.entry);
@@ -355,9 +358,9 @@ Findings limit_from_below(Estimate& estimate, const ProfiledMaximum& at) {
     EstimatedParameter& p = *all[k].reported;
     p.se = p.se_sandwich = p.crb_se = kNone;
     p.ci95 = p.profile95 = {*limits[k] / all[k].unit.scale, kInfinity};
+    if (p.verdict != Verdict::unexcited) --estimate.identifiability.rank;
     p.verdict = Verdict::not_identifiable;
     p.with.clear();
-    --estimate.identifiability.rank;
     out.push_back(make_finding(
         FindingCode::at_bound, {p.name},
         fmt::format("{} is bounded from below only: above {:.3g}{}{} (95 %) the recording does not "

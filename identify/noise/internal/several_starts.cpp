@@ -266,7 +266,7 @@ class Searches {
   }
 
   // Where two terms of a sum have become one, as two exponentials with the same rate, slopes vanish
-  // across the ridge, and the way down to where they part is found from beside it.
+  // across the ridge, and where they part is found from places near it.
   void leave_ridge(const LikelihoodProblem& problem, const SolverOptions& solver,
                    Solution& solution) const {
     constexpr int kTries = 3;

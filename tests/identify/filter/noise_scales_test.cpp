@@ -169,8 +169,7 @@ noise: {measurement: {sd: {y: b*level}}}
                                        "regression.yaml");
   const Index kRows = 20000;
   const VectorXd x = VectorXd::LinSpaced(kRows, 1.0, 3.0);
-  const Dataset data =
-      recording(model, Samples(VectorXd(VectorXd::Zero(kRows))), 1.0, Samples(x));
+  const Dataset data = recording(model, Samples(VectorXd(VectorXd::Zero(kRows))), 1.0, Samples(x));
   Random random(9);
   const VectorXd y = simulate_nonlinear_outputs(model, data, random).y.row(0);
   const VectorXd z = (y - 2.0 * x).cwiseQuotient(0.2 * x);

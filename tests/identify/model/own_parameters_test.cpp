@@ -36,8 +36,7 @@ std::string put_in(std::string text, const std::string& what, const std::string&
 
 // Cooling: nonlinear (radiation), linear without changes, and linear by matrices.
 const std::vector<CoolingForm>& cooling_forms() {
-  static const std::vector<CoolingForm> all = {
-      {"formulas", R"(identikal: 1
+  static const std::vector<CoolingForm> all = {{"formulas", R"(identikal: 1
 time: {kind: continuous, step: 1 s}
 parameters:
 PARAMETERS
@@ -48,7 +47,7 @@ outputs: {y: {column: y, equals: T}}
 noise: {process: {kind: density, sd: {T: 0.05}}, measurement: {sd: {y: s}}}
 initial: {mean: {T: T0}, sd: {T: 0.3}}
 )"},
-      {"linear", R"(identikal: 1
+                                               {"linear", R"(identikal: 1
 time: {kind: continuous, step: 1 s}
 parameters:
 PARAMETERS
@@ -60,7 +59,7 @@ outputs: {y: {column: y, equals: T}}
 noise: {process: {kind: density, sd: {T: 0.05}}, measurement: {sd: {y: s}}}
 initial: {mean: {T: T0}, sd: {T: 0.3}}
 )"},
-      {"matrices", R"(identikal: 1
+                                               {"matrices", R"(identikal: 1
 time: {step: 1 s}
 parameters:
 PARAMETERS
@@ -130,9 +129,9 @@ TEST_P(OwnParameters, AreAddedOnceAndKnownWhereTheTableHasNumbers) {
   const Model joint = for_recordings(joint_file(cooling_form()), recordings);
   std::vector<std::string> names;
   for (const std::string& name : reported_entries(joint.parameters).names) names.push_back(name);
-  EXPECT_EQ(names, (std::vector<std::string>{"tau", "ambient", "slow", "T0_warm", "ambient_warm",
-                                             "s_new", "T0_cold", "ambient_cold", "s_old",
-                                             "T0_third"}));
+  EXPECT_EQ(names,
+            (std::vector<std::string>{"tau", "ambient", "slow", "T0_warm", "ambient_warm", "s_new",
+                                      "T0_cold", "ambient_cold", "s_old", "T0_third"}));
   EXPECT_EQ(free_entries(joint.parameters).size(), 8);
 }
 
@@ -141,8 +140,8 @@ TEST_P(OwnParameters, LikelihoodIsTheSumOfThatOfEachRecordingWithItsNumbers) {
   const std::vector<Dataset> alone = recordings;
   Model joint = for_recordings(joint_file(cooling_form()), recordings);
   // tau, ambient, slow, T0_warm, s_new, T0_cold, s_old, T0_third
-  joint.parameters = with_entries(
-      joint.parameters, VectorXd{{4.5, 0.7, 8.0, 20.5, 0.25, 19.5, 0.4, 21.0}});
+  joint.parameters =
+      with_entries(joint.parameters, VectorXd{{4.5, 0.7, 8.0, 20.5, 0.25, 19.5, 0.4, 21.0}});
   RecordingsLikelihood likelihood(joint, recordings);
   const Likelihood* all = likelihood.evaluate(joint.parameters, false);
   ASSERT_NE(all, nullptr);

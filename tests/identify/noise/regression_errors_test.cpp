@@ -108,8 +108,7 @@ INSTANTIATE_TEST_SUITE_P(Nist, RegressionErrors, testing::Values(0, 1, 2),
 TEST(RegressionSearch, ARateThatIsBoundedFromBelowOnlyIsSaidToBe) {
   const VectorXd x = VectorXd::LinSpaced(30, 0.5, 5.0);
   Random random(2);
-  const VectorXd y =
-      (2.0 * (1.0 - (-20.0 * x.array()).exp())).matrix() + 0.01 * random.normal(30);
+  const VectorXd y = (2.0 * (1.0 - (-20.0 * x.array()).exp())).matrix() + 0.01 * random.normal(30);
   Model model = static_model("a: 1.5\n  b: 30", "a*(1 - exp(-b*x))");
   model.parameters[1].min = 0.0;
   NoiseMlOptions options;
@@ -127,7 +126,8 @@ TEST(RegressionSearch, ARateThatIsBoundedFromBelowOnlyIsSaidToBe) {
   EXPECT_TRUE(std::isfinite(found.parameters[0].se));
 }
 
-// NIST's MGH17 from its first start: two exponentials become one on the way, where slopes vanish.
+// NIST's MGH17 from its first start: two exponentials become one during the search, where
+// slopes vanish.
 TEST(RegressionSearch, LeavesTheRidgeWhereTwoTermsAreOne) {
   const VectorXd x = VectorXd::LinSpaced(33, 0.0, 320.0);
   const VectorXd y{{0.844, 0.908, 0.932, 0.936, 0.925, 0.908, 0.881, 0.850, 0.818, 0.784, 0.751,
