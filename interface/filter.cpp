@@ -60,7 +60,12 @@ std::unique_ptr<SampleFilter> filter_of_result(const ik_result& result) {
   Inputs inputs;
   inputs.keep_result(result_name_in_memory(0), result.outcome.json.text(), "");
   const StoredResult stored = inputs.result(result_name_in_memory(0));
-  return filter_of_model(estimated_model(stored.estimate, stored.path));
+  const Model model = estimated_model(stored.estimate, stored.path);
+  if (!model.recordings.empty()) {
+    throw InputError({}, "parameters with values of their own in each recording",
+                     "a model whose numbers hold for the samples to come");
+  }
+  return filter_of_model(model);
 }
 
 std::unique_ptr<SampleFilter> opened_filter(const ik_result* result, const char* model_yaml) {

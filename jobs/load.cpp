@@ -96,7 +96,9 @@ void refuse_own_parameters(const Model& model, const std::string& verb) {
 }  // namespace
 
 Model load_any_model(const ModelOptions& options, Inputs& inputs) {
-  return with_options(inputs.model(options.file), options, inputs);
+  const Model model = inputs.model(options.file);
+  refuse_own_parameters(model, "track");
+  return with_options(model, options, inputs);
 }
 
 Model load_model(const ModelOptions& options, const std::string& verb, Inputs& inputs,

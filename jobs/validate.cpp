@@ -40,6 +40,12 @@ void refuse_what_estimates_nothing(const StoredResult& result, const Model& mode
     throw InputError({result.path, 0, 0}, "a result about a regression",
                      "a result of tune, check or fit");
   }
+  if (!model.recordings.empty()) {
+    throw InputError({result.path, 0, 0},
+                     "parameters with values of their own in each recording, which another has not",
+                     "a result of a model without 'per' and 'recordings'",
+                     "'filter --from' takes the recordings that the result knows");
+  }
   if (result.estimate.verb == "bound") {
     throw InputError({result.path, 0, 0}, "a result of 'bound', which has estimated nothing",
                      "a result of tune, check or fit");

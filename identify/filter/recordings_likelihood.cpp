@@ -39,12 +39,14 @@ const std::vector<Dataset> kNoRecordings;
 struct RecordingsLikelihood::Part {
   Model model;
   std::vector<Dataset> recording;
+  std::vector<int> sources;           // of the model's parameters, in the joint model
   std::vector<Eigen::Index> entries;  // of the joint model, one for each free one of this
   RecordingsLikelihood likelihood;
 
   Part(const Model& joint, const Dataset& of, EvaluationMethod method)
       : model(model_in(joint, of)),
         recording{of},
+        sources(sources_in(joint.parameters, of)),
         entries(joint_entries(joint, of)),
         likelihood(model, alone(recording), method) {}
 
@@ -54,9 +56,11 @@ struct RecordingsLikelihood::Part {
     return recording;
   }
 
-  ParameterSet values(const ParameterSet& joint, const Dataset& of) const {
-    ParameterSet out = values_in(joint, of);
-    for (std::size_t i = 0; i < out.size(); ++i) out[i].fixed = model.parameters[i].fixed;
+  ParameterSet values(const ParameterSet& joint) const {
+    ParameterSet out = model.parameters;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      out[i].value = joint[static_cast<std::size_t>(sources[i])].value;
+    }
     return out;
   }
 };
@@ -113,8 +117,7 @@ const Likelihood& RecordingsLikelihood::evaluate_parts(const ParameterSet& at, b
   of_parts_.information.setZero(k, k);
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     Part& part = *parts_[i];
-    const Likelihood* one =
-        part.likelihood.evaluate(part.values(at, recordings_[i]), with_gradient);
+    const Likelihood* one = part.likelihood.evaluate(part.values(at), with_gradient);
     if (one == nullptr) {
       of_parts_.status = FilterStatus::indefinite;
       return of_parts_;
@@ -184,8 +187,7 @@ void RecordingsLikelihood::condition_on_beginning() {
 double RecordingsLikelihood::log_likelihood_of_beginning(const ParameterSet& at) {
   double of_parts = 0.0;
   for (std::size_t i = 0; i < parts_.size(); ++i) {
-    of_parts +=
-        parts_[i]->likelihood.log_likelihood_of_beginning(parts_[i]->values(at, recordings_[i]));
+    of_parts += parts_[i]->likelihood.log_likelihood_of_beginning(parts_[i]->values(at));
   }
   if (!parts_.empty()) return of_parts;
   if (first_outputs_.empty()) return 0.0;
@@ -280,7 +282,7 @@ FilterStatus RecordingsLikelihood::watch_part(const ParameterSet& at, bool with_
   Part& part = *parts_[recording];
   const Eigen::Index k = with_derivatives ? free_entries(at).size() : 0;
   return part.likelihood.watch(
-      part.values(at, recordings_[recording]), with_derivatives, 0,
+      part.values(at), with_derivatives, 0,
       [&](const FilteredState& seen) { see(in_joint_entries(seen, part.entries, k)); });
 }
 
@@ -324,7 +326,7 @@ MatrixXd RecordingsLikelihood::products_of_parts(const ParameterSet& at) {
   MatrixXd out = MatrixXd::Zero(k, k);
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     Part& part = *parts_[i];
-    const MatrixXd one = part.likelihood.score_products(part.values(at, recordings_[i]));
+    const MatrixXd one = part.likelihood.score_products(part.values(at));
     if (one.size() == 0 && !part.entries.empty()) return {};
     for (std::size_t a = 0; a < part.entries.size(); ++a) {
       for (std::size_t b = 0; b < part.entries.size(); ++b) {
@@ -339,7 +341,7 @@ MatrixXd RecordingsLikelihood::products_of_parts(const ParameterSet& at) {
 bool RecordingsLikelihood::refine(const ParameterSet& at) {
   bool finer = nonlinear_ && nonlinear_->refine(at);
   for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const bool here = parts_[i]->likelihood.refine(parts_[i]->values(at, recordings_[i]));
+    const bool here = parts_[i]->likelihood.refine(parts_[i]->values(at));
     finer = finer || here;
   }
   return finer;

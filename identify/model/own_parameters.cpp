@@ -213,17 +213,27 @@ ParameterSet values_in(const ParameterSet& at, const Dataset& recording) {
   return out;
 }
 
+std::vector<int> sources_in(const ParameterSet& joint, const Dataset& recording) {
+  std::vector<int> out;
+  for (const Parameter& p : joint) {
+    if (p.scope == Scope::recording) break;  // those that were added are the last
+    out.push_back(static_cast<int>(out.size()));
+  }
+  for (const OwnParameter& own : recording.own) {
+    out[static_cast<std::size_t>(own.parameter)] = own.source;
+  }
+  return out;
+}
+
 namespace {
 
 // Free is what a recording's model is differentiated by.
-ParameterSet free_in(const ParameterSet& joint, const Dataset& recording) {
-  ParameterSet out = values_in(joint, recording);
-  for (Parameter& p : out) {
-    if (p.scope == Scope::recording) p.fixed = true;
-  }
-  for (const OwnParameter& own : recording.own) {
-    out[static_cast<std::size_t>(own.parameter)].fixed =
-        joint[static_cast<std::size_t>(own.source)].fixed;
+ParameterSet free_in(const ParameterSet& joint, const std::vector<int>& sources) {
+  ParameterSet out(joint.begin(), joint.begin() + static_cast<std::ptrdiff_t>(sources.size()));
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Parameter& source = joint[static_cast<std::size_t>(sources[i])];
+    out[i].value = source.value;
+    out[i].fixed = source.fixed;
   }
   return out;
 }
@@ -233,7 +243,7 @@ ParameterSet free_in(const ParameterSet& joint, const Dataset& recording) {
 Model model_in(const Model& model, const Dataset& recording) {
   Model out = model;
   out.recordings = {};
-  out.parameters = free_in(model.parameters, recording);
+  out.parameters = free_in(model.parameters, sources_in(model.parameters, recording));
   if (changes(out) && !changes(noise_model(out)) && !as_formulas(out).irregular) {
     LinearModel constant = noise_model(out);
     out.form = std::move(constant);
@@ -242,11 +252,7 @@ Model model_in(const Model& model, const Dataset& recording) {
 }
 
 std::vector<Index> joint_entries(const Model& model, const Dataset& recording) {
-  std::vector<int> source(model.parameters.size());
-  for (std::size_t i = 0; i < source.size(); ++i) source[i] = static_cast<int>(i);
-  for (const OwnParameter& own : recording.own) {
-    source[static_cast<std::size_t>(own.parameter)] = own.source;
-  }
+  const std::vector<int> sources = sources_in(model.parameters, recording);
   std::map<int, Index> first;  // entry of each free parameter
   const std::vector<EntryDerivative> joint = entry_derivatives(model.parameters);
   for (std::size_t i = 0; i < joint.size(); ++i) {
@@ -255,10 +261,10 @@ std::vector<Index> joint_entries(const Model& model, const Dataset& recording) {
   std::vector<Index> out;
   int before = -1;
   Index within = 0;
-  for (const EntryDerivative& each : entry_derivatives(free_in(model.parameters, recording))) {
+  for (const EntryDerivative& each : entry_derivatives(free_in(model.parameters, sources))) {
     within = each.parameter == before ? within + 1 : 0;
     before = each.parameter;
-    out.push_back(first.at(source[static_cast<std::size_t>(each.parameter)]) + within);
+    out.push_back(first.at(sources[static_cast<std::size_t>(each.parameter)]) + within);
   }
   return out;
 }

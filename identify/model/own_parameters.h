@@ -43,9 +43,12 @@ bool has_own_values(const Model& model, int parameter);
 /// The values of all parameters in this recording.
 ParameterSet values_in(const ParameterSet& at, const Dataset& recording);
 
-/// The model of one recording alone, which shares nothing: its own values in place of the model's,
-/// free where their sources are, and without changes where its matrices hold none.
+/// The model of one recording alone: its parameters are those of the file, with this recording's
+/// values, free where their sources are; without changes from row to row where its matrices hold none.
 Model model_in(const Model& model, const Dataset& recording);
+
+/// Of each parameter of model_in(), the place in the joint model of the one whose value it has.
+std::vector<int> sources_in(const ParameterSet& joint, const Dataset& recording);
 
 /// Which free entry of the joint model each free entry of model_in() is.
 std::vector<Eigen::Index> joint_entries(const Model& model, const Dataset& recording);

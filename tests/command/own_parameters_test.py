@@ -71,6 +71,15 @@ class OwnParameters(unittest.TestCase):
             named = run("filter", model, other, "--from", made.path / "cups", "--set", "T0_other=75")
             self.assertEqual(named.returncode, 0, named.stderr)
 
+    def test_what_would_take_the_start_for_the_value_is_refused(self):
+        with Folder() as made:
+            model, kitchen, _, _ = self.fitted(made, "-o", made.path / "cups")
+            for arguments in (("validate", made.path / "cups", kitchen), ("export", made.path / "cups", "--to", "python")):
+                refused = run(*arguments, code=2)
+                self.assertIn("values of their own in each recording", refused.stderr)
+            kept = run("export", made.path / "cups", "--to", "yaml", code=0).stdout
+            self.assertIn("per: recording", kept)
+
     def test_hold_out_of_the_same_recordings(self):
         with Folder() as made:
             found = self.fitted(made, "--hold-out", "30%")[-1]

@@ -125,7 +125,7 @@ class FormulaReader {
                                  symbols_.with_units};
     read_spreads(physical.outputs);
     LinearModel matrices = find_matrices();
-    read_noise(is_linear_ ? root_ : with_unit_spreads(root_, spreads_), physical, parameters_,
+    read_noise(is_linear_ ? root_ : with_factors_alone(root_, spreads_), physical, parameters_,
                matrices);
     out_.student = read_student(root_, parameters_);
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
@@ -328,8 +328,14 @@ class FormulaReader {
   void read_spreads(const std::vector<PhysicalName>& outputs) {
     std::vector<std::string> names;
     for (const PhysicalName& output : outputs) names.push_back(output.name);
+    std::vector<std::string> scalers(symbols_.names.size());
+    for (std::size_t i = 0; i < parameters_.names.size(); ++i) {
+      // A unit would have to go with the factor that it belongs to.
+      const bool plain = parameters_.set[i].unit.empty();
+      if (plain) scalers[static_cast<std::size_t>(first_parameter_) + i] = parameters_.names[i];
+    }
     spreads_ = moving_spreads(
-        root_, names, formulas_, [&](const YamlNode& node, std::size_t i, bool variance) {
+        root_, names, formulas_, scalers, [&](const YamlNode& node, std::size_t i, bool variance) {
           const std::string what =
               fmt::format("the {} of '{}'", variance ? "variance" : "standard deviation", names[i]);
           Expression out = formula(node, what);

@@ -39,6 +39,31 @@ void look_at(const ModelFormulas& symbols, NoiseSpread& spread) {
   }
 }
 
+// Takes what `scalers` names out of a product.
+void take_factors(const std::vector<std::string>& scalers, NoiseSpread& spread) {
+  std::vector<Expression::Node>& nodes = spread.formula.nodes;
+  const auto is_once = [&](int symbol) {
+    return std::count_if(nodes.begin(), nodes.end(), [&](const Expression::Node& each) {
+             return each.op == Op::symbol && each.symbol == symbol;
+           }) == 1;
+  };
+  std::vector<int> open{static_cast<int>(nodes.size()) - 1};
+  while (!open.empty()) {
+    Expression::Node& node = nodes[static_cast<std::size_t>(open.back())];
+    open.pop_back();
+    if (node.op == Op::multiply) {
+      open.insert(open.end(), {node.a, node.b});
+    } else if (node.op == Op::symbol && is_once(node.symbol) &&
+               !scalers[static_cast<std::size_t>(node.symbol)].empty()) {
+      const std::string& name = scalers[static_cast<std::size_t>(node.symbol)];
+      spread.factor = spread.factor == "1" ? name : spread.factor + "*" + name;
+      node.op = Op::number;
+      node.symbol = -1;
+      node.value = 1.0;
+    }
+  }
+}
+
 Expression number(double value) {
   Expression out;
   out.nodes.emplace_back();
@@ -58,7 +83,9 @@ Expression square_root(Expression of) {
 
 std::vector<NoiseSpread> moving_spreads(const YamlNode& root,
                                         const std::vector<std::string>& outputs,
-                                        const ModelFormulas& symbols, const ReadSpread& read) {
+                                        const ModelFormulas& symbols,
+                                        const std::vector<std::string>& scalers,
+                                        const ReadSpread& read) {
   std::vector<NoiseSpread> out;
   const YamlNode* measurement = entry_of(root, "noise", "measurement");
   if (measurement == nullptr || measurement->kind != YamlNode::Kind::mapping) return out;
@@ -72,18 +99,20 @@ std::vector<NoiseSpread> moving_spreads(const YamlNode& root,
       }
       NoiseSpread spread{i, read(*entry, i, variance), variance, false, false, outputs[i]};
       look_at(symbols, spread);
-      if (spread.of_state || spread.of_inputs) out.push_back(std::move(spread));
+      if (!spread.of_state && !spread.of_inputs) continue;
+      take_factors(scalers, spread);
+      out.push_back(std::move(spread));
     }
   }
   return out;
 }
 
-YamlNode with_unit_spreads(YamlNode root, const std::vector<NoiseSpread>& spreads) {
+YamlNode with_factors_alone(YamlNode root, const std::vector<NoiseSpread>& spreads) {
   YamlNode* measurement = entry_of(root, "noise", "measurement");
   for (const NoiseSpread& spread : spreads) {
     YamlNode* entry =
         entry_of(*measurement, spread.variance ? "variance" : "sd", spread.key.c_str());
-    entry->text = "1";
+    entry->text = spread.factor;
   }
   return root;
 }

@@ -50,7 +50,7 @@ bool is_power(const LinearModel& noise, ParameterSet parameters, int parameter, 
   return true;
 }
 
-// Those that outputs without noise depend on.
+// Those that outputs without noise depend on, or the noise's size in another way than R.
 std::set<int> parameters_of_motion(const Model& model) {
   std::set<int> out;
   const LinearModel& matrices = noise_model(model);
@@ -60,11 +60,29 @@ std::set<int> parameters_of_motion(const Model& model) {
     out.insert(here.begin(), here.end());
   }
   if (!is_formula_model(model) || as_formulas(model).linear) return out;
-  const std::vector<Index>& column = as_formulas(model).equations.column;
-  for (std::size_t p = 0; p < column.size(); ++p) {
-    if (column[p] >= 0) out.insert(static_cast<int>(p));
-  }
+  const auto insert = [&](const std::vector<Index>& column) {
+    for (std::size_t p = 0; p < column.size(); ++p) {
+      if (column[p] >= 0) out.insert(static_cast<int>(p));
+    }
+  };
+  insert(as_formulas(model).equations.column);
+  if (as_formulas(model).noise_scales) insert(as_formulas(model).noise_scales->column);
   return out;
+}
+
+// Do formulas of the noise's size hold states or unknowns? One place tells of all.
+bool follows_prediction(const NonlinearModel& scales) {
+  if (std::any_of(scales.column.begin(), scales.column.end(), [](Index c) { return c >= 0; })) {
+    return true;
+  }
+  Random random(1);
+  ModelMemory memory = make_memory(scales);
+  set_parameters(scales, memory, random.normal(scales.parameters).cwiseAbs());
+  VectorXd out(scales.outputs);
+  Jacobian slopes;
+  observe(scales, memory, random.normal(scales.states).cwiseAbs(),
+          random.normal(scales.inputs).cwiseAbs(), 1.0, out, slopes);
+  return !slopes.wrt_x.isZero(0.0);
 }
 
 }  // namespace
@@ -106,6 +124,10 @@ std::optional<NoiseScales> noise_scales(const Model& model) {
     return {};
   }
   out.exponent = Eigen::Map<const VectorXd>(exponents.data(), static_cast<Index>(exponents.size()));
+  const bool by_formulas = is_formula_model(model) && !changes(model);
+  if (by_formulas && as_formulas(model).noise_scales) {
+    out.follow_prediction = follows_prediction(*as_formulas(model).noise_scales);
+  }
   return out;
 }
 

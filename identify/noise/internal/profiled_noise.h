@@ -13,6 +13,9 @@ namespace identikal {
 struct NoiseScales {
   std::vector<Eigen::Index> scales, others;  ///< coordinates
   Eigen::VectorXd exponent;  ///< of each scale s: R_jj is proportional to s^exponent
+  /// The noise follows the prediction besides: what is left once it is profiled out is no sum of
+  /// squares alone.
+  bool follow_prediction = false;
 };
 
 /// Nothing where the model has process noise or priors, or noise that no such unknown scales.

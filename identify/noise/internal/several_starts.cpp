@@ -64,12 +64,19 @@ bool every_coordinate_matters(const Point& at) {
 }
 
 // Of a regression, SolverOptions::flat, and the gain still expected where the last digits are found.
-constexpr double kFlatRegression = 1e-13, kLastDigits = 1e-19;
+constexpr double kFlatSlopes = 1e-13, kLastDigits = 1e-19;
 
 SolverOptions search_options() {
   SolverOptions out;
   out.decrement_tolerance = 1e-13;
   out.acceptable_decrement = kNegligible;
+  return out;
+}
+
+// Sizes of noise without which a sum of squares is left.
+std::optional<NoiseScales> scales_to_profile(const Model& model) {
+  std::optional<NoiseScales> out = noise_scales(model);
+  if (out && out->follow_prediction) out.reset();
   return out;
 }
 
@@ -127,7 +134,7 @@ class Searches {
         most_(shot ? kFromShot : kApproach),
         starts_(std::move(starts)),
         exact_slopes_(rows_have_no_order(model, model.parameters)),
-        scales_(noise_scales(model)),
+        scales_(scales_to_profile(model)),
         roots_(model, factors),
         scale_(model, factors, samples),
         samples_(samples) {}
@@ -137,7 +144,7 @@ class Searches {
     Search out;
     SolverOptions solver = search_options();
     if (exact_slopes_) {
-      solver.flat = kFlatRegression;
+      solver.flat = kFlatSlopes;
       solver.decrement_tolerance = kLastDigits;
     }
     solver.max_iterations = std::min(solver.max_iterations, most_);

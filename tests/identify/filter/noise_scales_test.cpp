@@ -149,6 +149,36 @@ TEST(MovingNoiseThatStay, ArePartOfR) {
   }
 }
 
+// A parameter that is a factor of the whole stands in R, and the rest is the scale.
+TEST(MovingNoiseWithAFactor, HasItInR) {
+  const auto regression = [](const char* sd) {
+    return parse_model_file(std::string(R"(identikal: 1
+model: static
+parameters: {c: {value: 2}, a: {value: 0.2, min: 0}, b: {value: 0.5, min: 0}}
+inputs: {x: {column: x}, w: {column: w}}
+let: {level: c*x}
+outputs: {y: {column: y, equals: level}}
+noise: {measurement: {sd: {y: )") +
+                                sd + "}}}\n",
+                            "regression.yaml");
+  };
+  const VectorXd x{{0.5, 1.0, 1.5, 2.0}}, y{{0.7, 1.5, 3.5, 4.2}};
+  MatrixXd u(2, 4);
+  u << x.transpose(), VectorXd{{1.0, 2.0, 1.0, 0.5}}.transpose();
+  const auto likelihood_of = [&](const char* sd) {
+    const Model model = regression(sd);
+    return run_filter(model, model.parameters, recording(model, Samples(y), 1.0, Samples(u)))
+        .log_likelihood;
+  };
+  const Model factored = regression("a*w*(1 + b*level)"), whole = regression("a + w*b");
+  const auto R = [](const Model& model) {
+    return written_matrices(noise_model(model), model.parameters).R(0, 0);
+  };
+  EXPECT_NEAR(R(factored), 0.04, 1e-15);
+  EXPECT_EQ(R(whole), 1.0);
+  EXPECT_NEAR(likelihood_of("a*w*(1 + b*level)"), likelihood_of("a*w + a*w*b*level"), 1e-12);
+}
+
 TEST(MovingNoiseThatVanish, MakeNoLikelihood) {
   const Model model = model_of_case({"", "", "{sd: {y: 'a*(h - 3)', z: 0.3}}", ""});
   const std::vector<Dataset> data = recordings_of(model);

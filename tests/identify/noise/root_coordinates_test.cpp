@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "identify/filter/recordings_likelihood.h"
 #include "identify/model/model_file.h"
 #include "identify/noise/ml.h"
 #include "lib/base/random.h"
