@@ -134,6 +134,14 @@ void ask_conditions(const Table& run, const TimeSource& time, const Model& model
   apply_conditions(model, flags, data);
 }
 
+// Is every row one step behind the one before?
+bool is_even(const Dataset& data, double step) {
+  constexpr double kTolerance = 1e-2;
+  const Eigen::Index N = data.size();
+  const Eigen::ArrayXd between = data.time.tail(N - 1) - data.time.head(N - 1);
+  return ((between - step).abs() <= kTolerance * step).all();
+}
+
 // Of a recording that has less than two thirds of its grid's rows, which no reader would expect.
 void note_absent_rows(Dataset& data) {
   const auto absent = static_cast<Eigen::Index>(data.absent.size());
@@ -154,18 +162,20 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& mod
   }
   const Joined joined = join_tables(files, model.time);
   const std::vector<ChannelSource> no_outputs;
-  const bool as_recorded =
-      is_vehicle(model) || (is_formula_model(model) && as_formulas(model).equations.continuous);
+  const bool continuous = is_formula_model(model) && as_formulas(model).equations.continuous;
+  const bool irregular = is_formula_model(model) && as_formulas(model).irregular;
   TimeSource time = model.time;
-  time.rows_absent = !as_recorded && has_filter(model);
+  time.rows_absent = has_filter(model) && !irregular;
   std::vector<Dataset> out;
   for (const Table& run : split_runs(joined.table, model.time)) {
     Dataset data = make_dataset(run, time, model.inputs, with_outputs ? model.outputs : no_outputs,
                                 range, model.references.channels);
     if (with_outputs) ask_conditions(run, time, model, range, data);
     data.notes.insert(data.notes.begin(), joined.notes.begin(), joined.notes.end());
+    // Equations of motion keep stamps that are even as they are, to the clock's last digit.
+    const double step = model.time.step > 0.0 ? model.time.step : data.dt;
+    const bool as_recorded = is_vehicle(model) || irregular || (continuous && is_even(data, step));
     if (!as_recorded) {
-      const double step = model.time.step > 0.0 ? model.time.step : data.dt;
       data = on_uniform_grid(data, step);
       note_absent_rows(data);
     }

@@ -61,6 +61,12 @@ std::string_view describe(ExportFormat format) { return names_of(format).title; 
 std::string export_text(const StoredResult& result, ExportFormat format, const std::string& date) {
   const StoredEstimate& e = result.estimate;
   const ExportContents contents = export_contents(result);
+  if (contents.differs_by_recording && format != ExportFormat::yaml) {
+    throw InputError({result.path, 0, 0},
+                     "parameters with values of their own in each recording, which no filter has",
+                     "a result about one recording, with its numbers in the model file",
+                     "--to yaml prints the model file");
+  }
   const FormatNames& names = names_of(format);
   std::vector<std::string> lines = origin_lines(result, date);
   const std::vector<std::string> more =

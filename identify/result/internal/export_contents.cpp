@@ -91,11 +91,7 @@ std::vector<NamedMatrix> matrices_of(const Model& model, const StateSpace& writt
 void add_formulas(ExportContents& to, const StoredResult& result) {
   const StoredEstimate& e = result.estimate;
   const Model model = estimated_model(e, result.path);
-  if (!model.recordings.empty()) {
-    throw InputError({result.path, 0, 0},
-                     "parameters with values of their own in each recording, which no filter has",
-                     "a result about one recording, with its numbers in the model file");
-  }
+  to.differs_by_recording = !model.recordings.empty();
   const StateSpace written = written_matrices(noise_model(model), model.parameters);
   const bool density = e.noise.Q_kind == "density";
   for (const StateName& state : model.states) to.states.push_back({state.name, state.unit});

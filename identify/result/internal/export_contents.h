@@ -28,8 +28,9 @@ struct StructMember {
 };
 
 struct ExportContents {
-  std::string suffix;  // of the name that all stands under
-  std::string group;   // of the members, where a language has none of its own
+  bool differs_by_recording = false;  // some parameters do: there is no filter for another
+  std::string suffix;                 // of the name that all stands under
+  std::string group;                  // of the members, where a language has none of its own
   std::vector<StructMember> members;
   std::optional<double> dt;
   std::vector<NamedMatrix> matrices;

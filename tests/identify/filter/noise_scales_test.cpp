@@ -170,7 +170,7 @@ noise: {measurement: {sd: {y: )") +
     return run_filter(model, model.parameters, recording(model, Samples(y), 1.0, Samples(u)))
         .log_likelihood;
   };
-  const Model factored = regression("a*w*(1 + b*level)"), whole = regression("a + w*b");
+  const Model factored = regression("a*w*(1 + b*level)"), whole = regression("a + w*b*level");
   const auto R = [](const Model& model) {
     return written_matrices(noise_model(model), model.parameters).R(0, 0);
   };
