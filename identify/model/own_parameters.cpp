@@ -59,16 +59,20 @@ class Placing {
   }
 
  private:
-  // Two files of which names make the same one are told apart by a number.
+  // A name has to mean the same recording whichever others are there.
   void name_recordings(const std::vector<Dataset>& recordings) {
-    std::set<std::string> taken;
+    std::map<std::string, std::string> taken;
     for (const Dataset& recording : recordings) {
-      if (names_.contains(recording.name)) continue;
       const std::string name = as_name(stem_of(recording.name));
-      std::string free = name;
-      for (int i = 2; taken.contains(free); ++i) free = fmt::format("{}_{}", name, i);
-      taken.insert(free);
-      names_[recording.name] = free;
+      const std::string& first = taken.try_emplace(name, recording.name).first->second;
+      if (first != recording.name) {
+        throw InputError({recording.name, 0, 0},
+                         fmt::format("parameters of this recording and of {} would have the same "
+                                     "names, '..._{}'",
+                                     first, name),
+                         "files whose names differ in letters or digits");
+      }
+      names_[recording.name] = name;
     }
   }
 

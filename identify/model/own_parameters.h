@@ -27,7 +27,7 @@ namespace identikal {
 ///     for (const Parameter& p : joint.parameters) std::puts(p.name.c_str());
 ///
 /// @throws InputError where a recording has no row that says its label, or no value among those found
-///   before
+///   before, and where names of two recordings differ in signs alone
 Model for_recordings(Model model, std::vector<Dataset>& recordings);
 
 /// The same of further recordings, none of whose values are unknown: those of the file, or found.

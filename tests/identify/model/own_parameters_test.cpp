@@ -231,6 +231,15 @@ TEST(OwnParametersAlone, EstimatesAreThoseOfSingleFits) {
   EXPECT_NEAR(all.objective.log_likelihood, sum, 1e-4);
 }
 
+TEST(OwnParametersAlone, NamesThatDifferInSignsAloneAreRefused) {
+  const Model file = parse_model_file(kEachAlone, "own.yaml");
+  const Model single = parse_model_file(put_in(kEachAlone, ", per: recording", ""), "single.yaml");
+  std::vector<Dataset> two(2, recording(single, Samples(VectorXd::Ones(9)), 1.0));
+  two[0].name = "run 1.csv";
+  two[1].name = "run-1.csv";
+  EXPECT_THROW(for_recordings(file, two), InputError);
+}
+
 TEST(OwnParametersAlone, ValuesFoundBeforeServeFurtherRecordings) {
   Model file = parse_model_file(kEachAlone, "own.yaml");
   file.recordings.found = {{"tau_a", 6.0}, {"T0_a", 17.0}, {"s_a", 0.4}};
