@@ -50,10 +50,10 @@ typedef struct {
 } ik_callbacks;
 
 /* Runs a verb of the command line: tune, fit, check, shape, track, filter, bound, simulate, forecast, validate,
-   compare, handling.
+   compare, handling, model.
 
    model_yaml  the text of a model file; NULL for validate and compare, whose results hold their models,
-               and for handling where a result is given
+               for handling where a result is given, and for model, which finds one
    recordings  `count` of them; of bound and simulate one of the inputs, or none; of compare none
    previous    the results that the verb starts from: validate has one, compare two or more, handling one
                or none; of filter, forecast and simulate its values are taken. NULL where previous_count is 0

@@ -72,7 +72,11 @@ constexpr NamedVerb kVerbs[] = {
     {"tune", tune_verb},       {"fit", fit_verb},           {"check", check_verb},
     {"shape", shape_verb},     {"track", track_verb},       {"filter", filter_verb},
     {"bound", bound_verb},     {"simulate", simulate_verb}, {"validate", validate_verb},
-    {"compare", compare_verb}, {"handling", handling_verb}, {"forecast", forecast_verb}};
+    {"compare", compare_verb}, {"handling", handling_verb}, {"forecast", forecast_verb},
+    {"model", model_verb}};
+
+// It makes the model that others are given.
+constexpr const char* kFromDataAlone = "model";
 
 MakeVerb verb_called(const std::string& name) {
   std::vector<std::string> names;
@@ -104,6 +108,10 @@ void check_arguments(const Arguments& given, const std::string& verb) {
   const bool of_models = verb == "compare" && given.models.size() > 1;
   const bool of_results = verb == "validate" || (verb == "compare" && !of_models) ||
                           (verb == "handling" && given.previous_count > 0);
+  const bool of_data = verb == kFromDataAlone;
+  if (of_data && has_model) {
+    throw InputError({}, "'model' with a model", "recordings alone: it finds the model");
+  }
   if (of_results && has_model) {
     throw InputError({}, fmt::format("'{}' with a model", verb),
                      "previous results, which hold their models");
@@ -113,7 +121,7 @@ void check_arguments(const Arguments& given, const std::string& verb) {
                      fmt::format("'compare' with {} recordings", given.count + given.files.size()),
                      "previous results alone, which say what they were fitted to");
   }
-  if (!of_results && !has_model) {
+  if (!of_results && !of_data && !has_model) {
     throw InputError({}, "model_yaml is NULL", "the text of a model file");
   }
   const bool of_one = verb == "validate" || verb == "filter" || verb == "forecast" ||
@@ -136,8 +144,39 @@ std::vector<std::string> model_names(const Arguments& given) {
   return out;
 }
 
+// Channels that no model names: y and u, with numbers where there are several.
+Model channels_of(const ik_recording& given) {
+  Model out;
+  const auto name = [](const char* letter, std::size_t count) {
+    std::vector<ChannelSource> all(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      all[i].name = count == 1 ? letter : fmt::format("{}{}", letter, i + 1);
+      all[i].column = all[i].name;
+    }
+    return all;
+  };
+  out.outputs = name("y", given.ny);
+  out.inputs = name("u", given.nu);
+  if (given.time != nullptr || given.step != 0.0) out.time.column = "time";
+  return out;
+}
+
+// The names of columns from..from+count of a table as an option takes them.
+std::string listed(const Table& table, std::size_t from, std::size_t count) {
+  std::string out;
+  for (std::size_t i = from; i < from + count; ++i) {
+    const std::string& name = table.columns[i].name;
+    if (name.find(',') != name.npos) {
+      throw InputError({}, fmt::format("the name '{}' has a comma", name), "names without commas");
+    }
+    out += (i == from ? "" : ",") + name;
+  }
+  return out;
+}
+
 // The first model says which columns a recording has.
 Model model_of_recordings(const Arguments& given, const std::string& verb, Inputs& inputs) {
+  if (verb == kFromDataAlone) return channels_of(given.recordings[0]);
   if (verb == "validate" || (verb == "handling" && given.previous_count > 0)) {
     const StoredResult result = inputs.result(result_name_in_memory(0));
     return estimated_model(result.estimate, result.path);
@@ -145,7 +184,9 @@ Model model_of_recordings(const Arguments& given, const std::string& verb, Input
   return given.models.empty() ? Model() : inputs.model(model_names(given).front());
 }
 
-void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs) {
+void keep_inputs(const Arguments& given, ik_result& result) {
+  Inputs& inputs = result.inputs;
+  const std::string& verb = result.verb;
   for (std::size_t i = 0; i < given.models.size(); ++i) {
     const GivenModel& each = given.models[i];
     if (each.file.empty()) inputs.keep_text(model_name_in_memory(i), each.text);
@@ -159,7 +200,14 @@ void keep_inputs(const Arguments& given, const std::string& verb, Inputs& inputs
   const bool with_outputs = verb != "bound" && verb != "simulate";
   for (std::size_t i = 0; i < given.count; ++i) {
     const std::string name = recording_name_in_memory(i);
-    inputs.keep_table(name, recording_table(given.recordings[i], model, name, with_outputs));
+    const ik_recording& recording = given.recordings[i];
+    Table table = recording_table(recording, model, name, with_outputs);
+    if (verb == kFromDataAlone && i == 0) {
+      const std::size_t first = table.columns.size() - recording.ny - recording.nu;
+      result.output_columns = listed(table, first, recording.ny);
+      result.input_columns = listed(table, first + recording.ny, recording.nu);
+    }
+    inputs.keep_table(name, std::move(table));
   }
 }
 
@@ -179,6 +227,12 @@ void take_arguments(const Verb& verb, const ik_result& result) {
     if (option.names == "MODEL") values = result.models;
     if (option.names == "RESULT" || option.names == "--from") values = results;
     if (option.names == "DATA") values = recordings;
+    const bool is_channels = option.names == "--input" || option.names == "--output";
+    if (verb.name == kFromDataAlone && is_channels) {
+      const std::string& columns =
+          option.names == "--input" ? result.input_columns : result.output_columns;
+      if (!columns.empty()) values = {columns};
+    }
     if (option.names == "FILES") {
       values = results;
       values.insert(values.end(), result.models.begin(), result.models.end());
@@ -229,7 +283,7 @@ void run(ik_result& result, const Arguments& given, const Progress& progress) {
   check_arguments(given, result.verb);
   result.models = model_names(given);
   result.files = given.files;
-  keep_inputs(given, result.verb, result.inputs);
+  keep_inputs(given, result);
   result.outcome = run_verb(result, false, progress);
   result.code = result.outcome.exit_code;
   result.message = result.outcome.message;

@@ -15,8 +15,9 @@ struct ik_result {
   identikal::Outcome outcome;
   identikal::Inputs inputs;
   std::string verb, options;
-  std::vector<std::string> models;  ///< their names, in memory or of files
-  std::vector<std::string> files;   ///< recordings in files
+  std::vector<std::string> models;            ///< their names, in memory or of files
+  std::vector<std::string> files;             ///< recordings in files
+  std::string input_columns, output_columns;  ///< of the verb `model`, with recordings in memory
 };
 
 namespace identikal {

@@ -26,6 +26,7 @@ struct BlackBoxVerbOptions {
   RecordingOptions recordings;
   ResultOptions result;
   std::string inputs, outputs, time, step, orders, purpose = "automatic", hold_out = "30%";
+  std::string structure = "states", polynomials, delay;
 };
 
 std::vector<std::string> names_in(const std::string& option, const std::string& list) {
@@ -123,9 +124,95 @@ int order_in(const std::string& text) {
   return order;
 }
 
+// "na=2,nb=3,nk=1": coefficients of each polynomial, and rows until an input is seen.
+void take_polynomials(const std::string& text, BlackBoxOptions& out) {
+  PolynomialOrders orders;
+  for (const std::string& each : names_in("--polynomials", text)) {
+    const std::size_t equals = std::min(each.find('='), each.size());
+    const std::string name = each.substr(0, equals),
+                      number = each.substr(std::min(equals + 1, each.size()));
+    Eigen::Index* place = name == "na"   ? &orders.na
+                          : name == "nb" ? &orders.nb
+                          : name == "nc" ? &orders.nc
+                          : name == "nd" ? &orders.nd
+                          : name == "nf" ? &orders.nf
+                                         : nullptr;
+    const bool is_number = !number.empty() && number.size() < 3 &&
+                           number.find_first_not_of("0123456789") == std::string::npos;
+    if (place == nullptr || !is_number || std::stoi(number) > 60) {
+      throw InputError({}, fmt::format("'{}' in --polynomials", each),
+                       "na, nb, nc, nd or nf and a number up to 60: na=2,nb=3,nc=1");
+    }
+    *place = std::stoi(number);
+  }
+  out.polynomials = orders;
+}
+
+struct StructureName {
+  const char* name;
+  ModelStructure structure;
+  const char* allowed;  // its polynomials
+};
+constexpr StructureName kStructures[] = {
+    {"states", ModelStructure::states, ""},      {"arx", ModelStructure::arx, "ab"},
+    {"armax", ModelStructure::armax, "abc"},     {"oe", ModelStructure::output_error, "bf"},
+    {"bj", ModelStructure::box_jenkins, "bcdf"},
+};
+
+// Which polynomials a structure has, and whether an option is one of a structure without them.
+void check_polynomials(const BlackBoxVerbOptions& given, const StructureName& structure,
+                       const BlackBoxOptions& options) {
+  const bool of_states = options.structure == ModelStructure::states;
+  if (of_states && !(given.polynomials.empty() && given.delay.empty())) {
+    throw InputError(
+        {}, fmt::format("{} without --as", given.delay.empty() ? "--polynomials" : "--delay"),
+        "--as arx, armax, oe or bj");
+  }
+  if (!options.polynomials) return;
+  if (!given.orders.empty()) {
+    throw InputError({}, "both --order and --polynomials", "one of them");
+  }
+  const PolynomialOrders& n = *options.polynomials;
+  const std::pair<char, Eigen::Index> all[] = {
+      {'a', n.na}, {'b', n.nb}, {'c', n.nc}, {'d', n.nd}, {'f', n.nf}};
+  const std::string_view allowed = structure.allowed;
+  Eigen::Index sum = 0;
+  for (const auto& [letter, count] : all) {
+    sum += count;
+    if (count == 0 || allowed.find(letter) != allowed.npos) continue;
+    throw InputError({}, fmt::format("n{} of --polynomials with --as {}", letter, structure.name),
+                     fmt::format("polynomials of that model: {}", fmt::join(allowed, ", ")));
+  }
+  const bool no_input = given.inputs.empty() && sum == n.nb;
+  const bool nothing_driven = n.nb == 0 && n.nf > 0;
+  if (sum == 0 || no_input || nothing_driven) {
+    throw InputError({},
+                     fmt::format("--polynomials {} leaves nothing to estimate", given.polynomials),
+                     "at least one coefficient, and nb beside nf");
+  }
+}
+
+void take_structure(const BlackBoxVerbOptions& given, BlackBoxOptions& out) {
+  const StructureName* found = &kStructures[0];
+  for (const StructureName& each : kStructures) {
+    if (given.structure == each.name) found = &each;
+  }
+  out.structure = found->structure;
+  if (!given.polynomials.empty()) take_polynomials(given.polynomials, out);
+  if (!given.delay.empty()) {
+    const bool is_number =
+        given.delay.size() < 5 && given.delay.find_first_not_of("0123456789") == std::string::npos;
+    if (!is_number)
+      throw InputError({}, fmt::format("--delay '{}' is none", given.delay), "a number of rows: 1");
+    out.delay = std::stoi(given.delay);
+  }
+  check_polynomials(given, *found, out);
+}
+
 BlackBoxOptions black_box_options(const BlackBoxVerbOptions& given, const Call& call) {
   BlackBoxOptions out;
   out.held_out_share = hold_out_share(given.hold_out);
+  take_structure(given, out);
   if (!given.orders.empty()) {
     const std::size_t colon = given.orders.find(':');
     out.least_order = order_in(given.orders.substr(0, colon));
@@ -158,6 +245,23 @@ std::string number_with_error(double value, double se) {
   return std::isnan(se) ? fmt::format("{:.6g}", value) : fmt::format("{:.6g} +- {:.2g}", value, se);
 }
 
+// B of voltage: 0.3 +- 0.01 q^-1 + 0.2 +- 0.02 q^-2
+std::string text_of_polynomial(const BlackBox::Polynomial& each, bool names_output) {
+  std::string out = each.name + (each.input.empty() ? "" : " of " + each.input);
+  if (names_output) out += " to " + each.output;
+  out += ":";
+  for (Eigen::Index k = 0; k < each.value.size(); ++k) {
+    const long power = each.delay + static_cast<long>(k);
+    const bool is_one = each.se[k] == 0.0;
+    const double value = each.value[k];
+    out += k == 0 ? (value < 0.0 ? " -" : " ") : value < 0.0 ? " - " : " + ";
+    out += is_one ? fmt::format("{:g}", std::abs(value))
+                  : number_with_error(std::abs(value), each.se[k]);
+    if (power > 0) out += fmt::format(" q^-{}", power);
+  }
+  return out;
+}
+
 // What was tried, and the model in the terms of an engineer, line by line.
 std::vector<std::string> tables(const BlackBox& box) {
   std::vector<std::string> out{
@@ -169,6 +273,8 @@ std::vector<std::string> tables(const BlackBox& box) {
     out.push_back(
         text_of_candidate(each, each.order == box.order && each.refinement == box.refinement));
   }
+  for (const BlackBox::Polynomial& each : box.polynomials)
+    out.push_back(text_of_polynomial(each, box.outputs.size() > 1));
   for (const BlackBox::Pole& pole : box.poles) {
     const std::string imaginary =
         pole.imaginary > 0.0
@@ -246,8 +352,17 @@ Verb model_verb() {
   add_text(verb, "--output", options->outputs, "Columns that the model is to give: y1,y2.");
   add_text(verb, "--time", options->time, "Column of time stamps.", "one that is called so");
   add_text(verb, "--step", options->step, "Time from row to row, 10ms.", "by the stamps, else 1 s");
-  add_text(verb, "--order", options->orders, "Number of states, or the range to choose from.",
+  add_choice(verb, "--as", options->structure, {"states", "arx", "armax", "oe", "bj"},
+             "What kind of model. states: all outputs together, with their noise; the others are "
+             "polynomials in the delay, every output by itself: ARX, ARMAX, output error, "
+             "Box-Jenkins.");
+  add_text(verb, "--order", options->orders,
+           "Number of states, or of coefficients of each polynomial, or the range to choose from.",
            "1:12");
+  add_text(verb, "--polynomials", options->polynomials,
+           "Coefficients of each polynomial in place of --order: na=2,nb=3,nc=1.");
+  add_text(verb, "--delay", options->delay, "Rows until the inputs are seen, of polynomials.",
+           "as a test tells");
   add_choice(
       verb, "--for", options->purpose, {"automatic", "simulation", "prediction"},
       "What the model is to be good at. simulation: outputs from inputs alone, judged on held-out "

@@ -12,7 +12,7 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 ORDER = {
     # lib/internal: what all rooms of lib share and nobody else sees.
-    "lib": ["internal", "", "base", "data", "formula", "model", "filter", "nonlinear", "statistics", "subspace", "regression", "vehicle"],
+    "lib": ["internal", "", "base", "data", "formula", "model", "filter", "nonlinear", "statistics", "subspace", "polynomial", "regression", "vehicle"],
     "solvers": [""],
     "identify": ["estimate", "population", "model", "result", "survey", "regression", "shooting", "filter", "report", "noise", "colour", "black_box", "vehicle", "handling",
                  "simulation", "validation", "optimality"],

@@ -10,6 +10,8 @@
 
 #include "identify/black_box/internal/candidates.h"
 #include "identify/black_box/internal/characteristics.h"
+#include "identify/black_box/internal/polynomial_fit.h"
+#include "identify/black_box/internal/responses.h"
 #include "identify/black_box/internal/scaled_recordings.h"
 #include "identify/filter/channel_fit.h"
 #include "identify/filter/report.h"
@@ -28,9 +30,22 @@ using Eigen::VectorXd;
 // Fits closer than this are the same: the smaller order is taken.
 constexpr double kSameFit = 0.005;
 
-const char* to_string(Refinement how) {
+const char* to_string(Refinement how, ModelStructure structure) {
   if (how == Refinement::simulation) return "simulation";
-  return how == Refinement::prediction_error ? "prediction_error" : "states";
+  if (how == Refinement::prediction_error) return "prediction_error";
+  switch (structure) {
+    case ModelStructure::arx:
+      return "arx";
+    case ModelStructure::armax:
+      return "armax";
+    case ModelStructure::output_error:
+      return "output_error";
+    case ModelStructure::box_jenkins:
+      return "box_jenkins";
+    case ModelStructure::states:
+      break;
+  }
+  return "states";
 }
 
 // What the search for a model works on: all rows, and their first ones, which candidates are fitted to.
@@ -39,6 +54,8 @@ struct ModelSearch {
   SplitRecordings parts;
   SubspaceStart of_first, of_all;
   BlackBoxPurpose purpose = BlackBoxPurpose::automatic;
+  ModelStructure structure = ModelStructure::states;
+  std::vector<Index> delays = {};  // of the inputs, for polynomials
   bool has_inputs = false;
   bool simulates() const { return has_inputs && purpose != BlackBoxPurpose::prediction; }
 };
@@ -73,6 +90,42 @@ std::vector<BlackBoxCandidate> candidates(const ModelSearch& search,
     if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
     out.push_back(candidate(search, order, Refinement::none, true));
     if (search.simulates()) out.push_back(candidate(search, order, Refinement::simulation, false));
+  }
+  return out;
+}
+
+void take_polynomials(const PolynomialModel& structure, const SubspaceStart& start,
+                      const ScaledRecordings& recordings, int order, BlackBoxCandidate& out) {
+  const auto states = std::min<Index>(order, start.states.most_states());
+  out.polynomials = fitted_polynomials(structure, start.states.model(states), recordings);
+  const auto p = static_cast<Index>(out.polynomials.size());
+  out.model = with_stable_predictor(
+      observable_part(innovation_form(out.polynomials, MatrixXd::Identity(p, p))));
+}
+
+BlackBoxCandidate polynomial_candidate(const ModelSearch& search, const BlackBoxOptions& options,
+                                       int order, int noise_order) {
+  const PolynomialModel structure =
+      polynomials_of(search.structure, order, noise_order, options.polynomials, search.delays);
+  BlackBoxCandidate out;
+  out.refinement = Refinement::polynomials;
+  take_polynomials(structure, search.of_first, search.parts.first, order, out);
+  judge_on_held_out(out, search.parts.rest);
+  take_polynomials(structure, search.of_all, search.all, order, out);
+  judge_on_fitted(out, search.all, search.of_all.sums);
+  out.order = static_cast<int>(out.model.states());
+  return out;
+}
+
+std::vector<BlackBoxCandidate> polynomial_candidates(const ModelSearch& search,
+                                                     const BlackBoxOptions& options) {
+  std::vector<BlackBoxCandidate> out;
+  const int most = options.polynomials ? options.least_order : options.most_order;
+  for (int order = options.least_order; order <= most; ++order) {
+    if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
+    const bool own_noise = search.structure == ModelStructure::box_jenkins && !options.polynomials;
+    for (int noise_order = 1; noise_order <= (own_noise ? 2 : 1); ++noise_order)
+      out.push_back(polynomial_candidate(search, options, order, noise_order));
   }
   return out;
 }
@@ -121,6 +174,11 @@ bool overfits(const std::vector<BlackBoxCandidate>& all) {
 
 // Where nothing is said what the model is for: the likeliest one, unless another simulates better.
 std::size_t choose(const ModelSearch& search, std::vector<BlackBoxCandidate>& all) {
+  if (search.structure != ModelStructure::states) {
+    return search.simulates() && search.purpose == BlackBoxPurpose::simulation
+               ? best_simulation(all)
+               : least_bic(all);
+  }
   if (!search.has_inputs || search.purpose == BlackBoxPurpose::prediction) {
     refine_likeliest(search, all, 1);
     return least_bic(all);
@@ -188,13 +246,13 @@ BlackBox description(const ModelSearch& search, const std::vector<BlackBoxCandid
                 : search.simulates()                                              ? "simulation"
                                                                                   : "prediction";
   out.order = chosen.order;
-  out.refinement = to_string(chosen.refinement);
+  out.refinement = to_string(chosen.refinement, search.structure);
   out.lags = static_cast<long>(search.of_all.sums.lags);
   out.held_out_share = options.held_out_share;
   const VectorXd& values = search.of_all.states.singular_values();
   out.singular_values = values.head(std::min<Index>(values.size(), 2 * options.most_order));
   for (const BlackBoxCandidate& each : all) {
-    out.candidates.push_back({each.order, to_string(each.refinement), each.bic,
+    out.candidates.push_back({each.order, to_string(each.refinement, search.structure), each.bic,
                               100.0 * each.simulation, 100.0 * each.prediction});
   }
   std::stable_sort(out.candidates.begin(), out.candidates.end(),
@@ -202,19 +260,39 @@ BlackBox description(const ModelSearch& search, const std::vector<BlackBoxCandid
   return out;
 }
 
-// Poles, gains, delays and the operating point of the chosen model.
-void add_characteristics(const ModelSearch& search, const Dataset& first,
-                         const BlackBoxCandidate& chosen, BlackBox& out) {
-  const MatrixXd covariance = predictor_covariance(
-      chosen.model, sums_around(chosen.model, search.all, search.of_all.sums.lags));
-  out.poles = poles_with_errors(chosen.model, covariance, first.dt);
-  const SteadyGain gain = steady_gain(chosen.model, covariance);
-  const OperatingPoint& point = search.all.point;
-  const auto to_si = [&](const MatrixXd& of) -> MatrixXd {
-    return point.y_sd.asDiagonal() * of * point.u_sd.cwiseInverse().asDiagonal();
-  };
-  out.gain = to_si(gain.value);
-  out.gain_se = to_si(gain.se);
+// Coefficients from deviations in units of their scatter to SI: B alone has a unit.
+void add_polynomials(const std::vector<PolynomialModel>& models,
+                     const std::vector<MatrixXd>& covariances, const OperatingPoint& point,
+                     BlackBox& out) {
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    const PolynomialModel& model = models[i];
+    Index at = 0;
+    const auto add = [&](const char* name, const std::string& input, long delay, double scale,
+                         const VectorXd& value) {
+      const Index n = value.size(), lead = input.empty() || *name == 'F' ? 1 : 0;
+      if (n == 0) return;
+      BlackBox::Polynomial each{
+          out.outputs[i], name, input, delay, VectorXd::Ones(n + lead), VectorXd::Zero(n + lead)};
+      each.value.tail(n) = scale * value;
+      if (covariances[i].size() == 0)
+        each.se.tail(n).setConstant(kNone);
+      else
+        each.se.tail(n) = scale * covariances[i].diagonal().segment(at, n).cwiseSqrt();
+      out.polynomials.push_back(std::move(each));
+      at += n;
+    };
+    add("A", "", 0, 1.0, model.A);
+    for (std::size_t j = 0; j < model.B.size(); ++j) {
+      const double scale = point.y_sd[static_cast<Index>(i)] / point.u_sd[static_cast<Index>(j)];
+      add("B", out.inputs[j], static_cast<long>(model.delay[j]), scale, model.B[j]);
+    }
+    add("C", "", 0, 1.0, model.C);
+    add("D", "", 0, 1.0, model.D);
+    for (std::size_t j = 0; j < model.F.size(); ++j) add("F", out.inputs[j], 0, 1.0, model.F[j]);
+  }
+}
+
+void name_channels(const Dataset& first, const OperatingPoint& point, BlackBox& out) {
   const auto put = [&](const std::vector<Channel>& channels, const VectorXd& at,
                        std::vector<std::string>& names) {
     for (std::size_t c = 0; c < channels.size(); ++c) {
@@ -227,8 +305,50 @@ void add_characteristics(const ModelSearch& search, const Dataset& first,
   };
   put(first.inputs, point.u, out.inputs);
   put(first.outputs, point.y, out.outputs);
+}
+
+// A model with the moves of its errors.
+struct ModelWithMoves {
+  InnovationForm form;
+  std::vector<Move> moves;
+};
+
+// And the poles of it.
+ModelWithMoves with_moves(const ModelSearch& search, const BlackBoxCandidate& chosen, double dt,
+                          BlackBox& out) {
+  if (chosen.polynomials.empty()) {
+    std::vector<Move> moves = independent_moves(
+        chosen.model, sums_around(chosen.model, search.all, search.of_all.sums.lags));
+    out.poles = poles_with_errors(chosen.model, moves, dt);
+    return {chosen.model, std::move(moves)};
+  }
+  std::vector<MatrixXd> covariances;
+  for (std::size_t i = 0; i < chosen.polynomials.size(); ++i) {
+    covariances.push_back(
+        coefficient_covariance(chosen.polynomials[i], search.all, static_cast<Index>(i)));
+  }
+  add_polynomials(chosen.polynomials, covariances, search.all.point, out);
+  out.poles = poles_with_errors(chosen.polynomials, covariances, dt);
+  return {innovation_form(chosen.polynomials, chosen.model.sigma),
+          independent_moves(chosen.polynomials, covariances)};
+}
+
+// Poles, gains, responses, delays and the operating point of the chosen model.
+void add_characteristics(const ModelSearch& search, const Dataset& first,
+                         const BlackBoxCandidate& chosen, BlackBox& out) {
+  const OperatingPoint& point = search.all.point;
+  name_channels(first, point, out);
+  const auto [model, moves] = with_moves(search, chosen, first.dt, out);
+  const SteadyGain gain = steady_gain(model, moves);
+  const auto to_si = [&](const MatrixXd& of) -> MatrixXd {
+    return point.y_sd.asDiagonal() * of * point.u_sd.cwiseInverse().asDiagonal();
+  };
+  out.gain = to_si(gain.value);
+  out.gain_se = to_si(gain.se);
   constexpr Index kResponse = 100;  // rows
   out.impulse_responses = impulse_responses(search.all, first, kResponse);
+  out.step_responses = step_responses(model, moves, point, first, kResponse);
+  out.frequency_responses = frequency_responses(model, moves, search.all, first);
   const std::vector<long> delays = input_delays(search.of_all.sums);
   for (std::size_t j = 0; j < delays.size(); ++j) out.delays.push_back({out.inputs[j], delays[j]});
 }
@@ -277,6 +397,16 @@ Findings judged(const ModelSearch& search, const BlackBoxCandidate& chosen) {
   return out;
 }
 
+// An output-error model says nothing of the noise: that it is coloured is no fault of it.
+void allow_for_colour(Finding& finding) {
+  if (finding.code != FindingCode::coloured_innovations) return;
+  finding.severity = Severity::note;
+  finding.text =
+      "what the model leaves is coloured: the standard errors allow for that, predictions of the "
+      "next row make no use of it";
+  finding.remedy = "a Box-Jenkins model has the noise, too";
+}
+
 void check_options(const BlackBoxOptions& options) {
   if (options.least_order < 1 || options.most_order < options.least_order ||
       options.most_order > 60) {
@@ -285,6 +415,27 @@ void check_options(const BlackBoxOptions& options) {
   if (!(options.held_out_share > 0.0 && options.held_out_share < 0.8)) {
     throw std::invalid_argument("estimate_black_box: a share above 0 and below 0.8 is held out");
   }
+  if ((options.polynomials || options.delay) && options.structure == ModelStructure::states) {
+    throw std::invalid_argument("estimate_black_box: polynomials and delay are of polynomials");
+  }
+}
+
+std::vector<Index> delays_of(const ModelSearch& search, const BlackBoxOptions& options) {
+  const Index m = search.all.u.front().rows();
+  const bool needs_input = options.structure == ModelStructure::output_error ||
+                           options.structure == ModelStructure::box_jenkins;
+  if (needs_input && m == 0) {
+    throw InputError({}, "a model of how inputs drive outputs, without an input",
+                     "input columns, or ARX and ARMAX, which do without");
+  }
+  std::vector<Index> out(static_cast<std::size_t>(m), options.delay.value_or(0));
+  if (options.delay) return out;
+  const std::vector<long> found = input_delays(search.of_all.sums);
+  for (std::size_t j = 0; j < found.size(); ++j) {
+    const bool seen = found[j] < search.of_all.sums.lags;
+    out[j] = seen ? static_cast<Index>(found[j]) : 1;
+  }
+  return out;
 }
 
 }  // namespace
@@ -302,12 +453,16 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   ModelSearch search{std::move(all), std::move(parts), std::move(of_first), std::move(of_all)};
   search.has_inputs = !channels.inputs.empty();
   search.purpose = options.purpose;
+  search.structure = options.structure;
+  if (options.structure != ModelStructure::states) search.delays = delays_of(search, options);
   if (search.purpose == BlackBoxPurpose::simulation && !search.has_inputs) {
     throw std::invalid_argument("estimate_black_box: without inputs nothing can be simulated");
   }
-  std::vector<BlackBoxCandidate> tried = candidates(search, options);
+  const bool of_states = options.structure == ModelStructure::states;
+  std::vector<BlackBoxCandidate> tried =
+      of_states ? candidates(search, options) : polynomial_candidates(search, options);
   const std::size_t best = choose(search, tried);
-  if (!std::isfinite(tried[best].bic)) fit_to_all_rows(search, tried[best]);
+  if (of_states && !std::isfinite(tried[best].bic)) fit_to_all_rows(search, tried[best]);
   const BlackBoxCandidate& chosen = tried[best];
 
   BlackBoxResult out;
@@ -315,15 +470,17 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
                             search.all.point);
   BlackBoxEstimate& estimate = out.estimate;
   estimate.model_name = channels.name;
-  estimate.objective.method = "subspace";
+  estimate.objective.method = of_states ? "subspace" : "prediction_error";
   estimate.black_box = description(search, tried, chosen, options);
   add_characteristics(search, recordings.front(), chosen, estimate.black_box);
   const std::vector<Dataset> seen = deviations(recordings, search.all.point);
   report_filter(estimate, out.model, out.model.parameters, seen);
   if (search.has_inputs) simulate_all(search, chosen, recordings.front().outputs, estimate);
   Findings left = check_innovations(estimate);
-  for (Finding& each : left)
+  for (Finding& each : left) {
     each.remedy = "a higher --order, a shorter step, or inputs that are missing";
+    if (options.structure == ModelStructure::output_error) allow_for_colour(each);
+  }
   append(estimate.findings, left);
   append(estimate.findings, judged(search, chosen));
   conclude(estimate, fmt::format("{} states", chosen.order));

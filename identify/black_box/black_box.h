@@ -3,12 +3,14 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
+#include "lib/polynomial/polynomial_model.h"
 
 namespace identikal {
 
@@ -18,8 +20,23 @@ enum class BlackBoxPurpose {
   prediction,  ///< the next row from all before
 };
 
+/// What kind of model; all but the first are polynomials of every output by itself (lib/polynomial/polynomial_model.h).
+enum class ModelStructure {
+  states,        ///< a state-space model of all outputs together
+  arx,           ///< A y = B u + e
+  armax,         ///< A y = B u + C e
+  output_error,  ///< y = B/F u + e: the noise is left out of the model
+  box_jenkins,   ///< y = B/F u + C/D e, C and D of one or two coefficients
+};
+
 struct BlackBoxOptions {
+  ModelStructure structure = ModelStructure::states;
+  /// Number of states, or of coefficients of each polynomial.
   int least_order = 1, most_order = 12;
+  /// In place of a choice of orders; of polynomials alone.
+  std::optional<PolynomialOrders> polynomials = {};
+  /// Rows until every input is seen, of polynomials; none: as Wald's test tells (BlackBox::delays).
+  std::optional<Eigen::Index> delay = {};
   BlackBoxPurpose purpose = BlackBoxPurpose::automatic;
   /// Of every recording, at its end, that candidates are judged on. The model that is chosen is estimated anew
   /// from all rows. Above 0, below 0.8.
@@ -43,6 +60,9 @@ struct BlackBoxResult {
 /// 4. The one that is chosen by the prediction error method from all rows (lib/subspace/prediction_error.h);
 ///    where simulation is the purpose, kept where it does better on held-out rows.
 ///
+/// Of polynomials: the prediction error method for every order from several starts (lib/polynomial/polynomial_errors.h), the
+/// order by BIC, or where simulation is the purpose by held-out rows.
+///
 /// Example:
 ///
 ///     const BlackBoxResult motor = estimate_black_box(model, recordings, {.most_order = 8});
@@ -52,6 +72,7 @@ struct BlackBoxResult {
 /// @param recordings  of these channels, on one sampling grid; outputs may miss samples, inputs not
 /// @throws InputError for a channel that never changes, an input with gaps, recordings too short for any model or
 ///   for the least order
+/// @throws InputError for a structure of inputs alone without inputs
 /// @throws std::invalid_argument for options outside of their limits
 BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Dataset>& recordings,
                                   const BlackBoxOptions& options);

@@ -83,9 +83,11 @@ struct Forecast {
 
 /// A model from data alone: what was tried, what was chosen (identify/black_box/black_box.h).
 struct BlackBox {
-  std::string purpose;          ///< "simulation" or "prediction"
-  int order = 0;                ///< states of the model that was chosen
-  std::string refinement;       ///< how it was found: "states", "simulation" or "prediction_error"
+  std::string purpose;  ///< "simulation" or "prediction"
+  int order = 0;        ///< states of the model that was chosen
+  /// How it was found: "states", "simulation" or "prediction_error"; of polynomials "arx", "armax", "output_error" or
+  /// "box_jenkins".
+  std::string refinement;
   long lags = 0;                ///< rows that the predictor behind all of them looks back
   double held_out_share = 0.0;  ///< of every recording, at its end, that candidates were judged on
   Eigen::VectorXd singular_values;  ///< what each state says of the outputs to come, falling
@@ -103,8 +105,16 @@ struct BlackBox {
     double frequency = kNone;      ///< [rad/s]: of the pole in continuous time, |log(pole)|/dt
     double damping = kNone;        ///< of it, -Re/|.|
     double time_constant = kNone;  ///< [s]: 1/-Re of it
+    double frequency_se = kNone, damping_se = kNone, time_constant_se = kNone;
   };
   std::vector<Pole> poles;
+  /// A(q) y = B(q)/F(q) u + C(q)/D(q) e of one output: one of its polynomials, in SI.
+  struct Polynomial {
+    std::string output, name, input;  ///< name: "A" to "F"; an input of B and F
+    long delay = 0;                   ///< power of q^-1 at the first coefficient
+    Eigen::VectorXd value, se;        ///< se kNone where the recordings do not determine them
+  };
+  std::vector<Polynomial> polynomials;
   /// The model's signals are deviations from it.
   struct OperatingPoint {
     std::string channel, unit;
@@ -120,9 +130,25 @@ struct BlackBox {
   /// What an output does behind a unit of an input, without a model: by regularised least squares.
   struct ImpulseResponse {
     std::string input, output;
+    std::string kernel;         ///< of largest evidence: "TC", "DC" or "SS"
     Eigen::VectorXd value, se;  ///< from the same row on, SI
   };
   std::vector<ImpulseResponse> impulse_responses;
+  /// What an output of the model does behind a unit step of an input.
+  struct StepResponse {
+    std::string input, output;
+    Eigen::VectorXd value, se;  ///< from the same row on, SI
+  };
+  std::vector<StepResponse> step_responses;
+  /// Of an output to an input at frequencies [rad/s]: the model's, and by spectral analysis without a model. Gains are SI,
+  /// phases [deg].
+  struct FrequencyResponse {
+    std::string input, output;
+    Eigen::VectorXd frequency, gain, gain_se, phase, phase_se;
+    Eigen::VectorXd spectral_gain, spectral_gain_se, spectral_phase, spectral_phase_se;
+    Eigen::VectorXd coherence;  ///< share of the output's power that all inputs explain together
+  };
+  std::vector<FrequencyResponse> frequency_responses;
   std::vector<std::string> inputs, outputs;
   Eigen::MatrixXd gain,
       gain_se;  ///< outputs x inputs: in the steady state, SI; kNone where it has none

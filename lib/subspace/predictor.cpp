@@ -54,19 +54,15 @@ struct PredictorRegression::Posterior {
 template <typename Place>
 void PredictorRegression::for_each_coefficient(const Place& place) const {
   Index row = 0;
-  for (Index c = p_ - own_; c < p_ + m_; ++c) {
+  for (Index c = 0; c < p_ + m_; ++c) {
     for (Index lag = c < p_ ? 1 : 0; lag <= lags_; ++lag) place(row++, c, lag);
   }
 }
 
 // Regressors channel by channel: outputs at lags 1 to L, then inputs at lags 0 to L.
-PredictorRegression::PredictorRegression(const LaggedProducts& sums, On regressors)
-    : p_(sums.outputs),
-      m_(sums.inputs),
-      lags_(sums.lags),
-      windows_(sums.windows),
-      own_(regressors == On::inputs ? 0 : sums.outputs) {
-  const Index q = p_ + m_, size = own_ * lags_ + m_ * (lags_ + 1);
+PredictorRegression::PredictorRegression(const LaggedProducts& sums)
+    : p_(sums.outputs), m_(sums.inputs), lags_(sums.lags), windows_(sums.windows) {
+  const Index q = p_ + m_, size = p_ * lags_ + m_ * (lags_ + 1);
   Eigen::VectorXi order(size);
   for_each_coefficient(
       [&](Index row, Index c, Index lag) { order[row] = static_cast<int>(lag * q + c); });
@@ -74,8 +70,8 @@ PredictorRegression::PredictorRegression(const LaggedProducts& sums, On regresso
   F_ = sums.gram(order, Eigen::seqN(0, p_));
   YY_ = sums.gram.topLeftCorner(p_, p_);
   const auto cumulate_rows = [&](MatrixXd& rows) {
-    cumulate(own_, 0, lags_, rows);
-    cumulate(m_, own_ * lags_, lags_ + 1, rows);
+    cumulate(p_, 0, lags_, rows);
+    cumulate(m_, p_ * lags_, lags_ + 1, rows);
   };
   cumulate_rows(S_);
   S_.transposeInPlace();
@@ -85,12 +81,12 @@ PredictorRegression::PredictorRegression(const LaggedProducts& sums, On regresso
 
 VectorXd PredictorRegression::weights(const PredictorPrior& prior) const {
   VectorXd w(S_.rows());
-  for (Index c = 0; c < own_; ++c) {
+  for (Index c = 0; c < p_; ++c) {
     put_weights(prior.output_size, prior.output_decay, w.segment(c * lags_, lags_));
   }
   for (Index c = 0; c < m_; ++c) {
     put_weights(prior.input_size, prior.input_decay,
-                w.segment(own_ * lags_ + c * (lags_ + 1), lags_ + 1));
+                w.segment(p_ * lags_ + c * (lags_ + 1), lags_ + 1));
   }
   return w;
 }
@@ -120,8 +116,8 @@ Predictor PredictorRegression::estimate(const PredictorPrior& prior) const {
   const Posterior at = posterior(prior);
   // Back from sums over lags to the lags: every response is a sum from its far end.
   MatrixXd f = at.scale.asDiagonal() * at.factor.matrixU().solve(at.b);
-  from_the_far_end(own_, 0, lags_, f);
-  from_the_far_end(m_, own_ * lags_, lags_ + 1, f);
+  from_the_far_end(p_, 0, lags_, f);
+  from_the_far_end(m_, p_ * lags_, lags_ + 1, f);
   const Index q = p_ + m_;
   Predictor out;
   out.H.setZero(p_, lags_ * q);
@@ -136,25 +132,6 @@ Predictor PredictorRegression::estimate(const PredictorPrior& prior) const {
   for (Index i = 0; i < p_; ++i) {
     out.sigma(i, i) = std::max(out.sigma(i, i), 1e-14 * YY_(i, i) / static_cast<double>(windows_));
   }
-  return out;
-}
-
-Predictor PredictorRegression::standard_errors(const PredictorPrior& prior) const {
-  const Posterior at = posterior(prior);
-  MatrixXd V = at.factor.solve(MatrixXd::Identity(S_.rows(), S_.cols()));
-  V = at.scale.asDiagonal() * V * at.scale.asDiagonal();
-  for (int side = 0; side < 2; ++side) {
-    from_the_far_end(own_, 0, lags_, V);
-    from_the_far_end(m_, own_ * lags_, lags_ + 1, V);
-    V.transposeInPlace();
-  }
-  Predictor out = estimate(prior);
-  const VectorXd sd = at.variance.cwiseSqrt();
-  const Index q = p_ + m_;
-  for_each_coefficient([&](Index row, Index c, Index lag) {
-    const double root = std::sqrt(std::max(0.0, V(row, row)));
-    (lag == 0 ? out.D.col(c - p_) : out.H.col((lag - 1) * q + c)) = root * sd;
-  });
   return out;
 }
 

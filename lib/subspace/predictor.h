@@ -36,16 +36,12 @@ struct PredictorPrior {
 ///     const Predictor smooth = regression.estimate(prior);
 class PredictorRegression {
  public:
-  /// What the outputs are regressed on: inputs alone give impulse responses, as in a simulation.
-  enum class On { outputs_and_inputs, inputs };
-  explicit PredictorRegression(const LaggedProducts& sums, On regressors = On::outputs_and_inputs);
+  explicit PredictorRegression(const LaggedProducts& sums);
   /// Logarithm of the marginal likelihood, every output's noise variance at its maximum, less what no prior
   /// changes. One Cholesky factor of the size of the regression.
   double log_evidence(const PredictorPrior& prior) const;
-  /// Posterior mean; without outputs among the regressors their responses are zero.
+  /// Posterior mean.
   Predictor estimate(const PredictorPrior& prior) const;
-  /// Posterior standard deviations of H and D; sigma as of the estimate.
-  Predictor standard_errors(const PredictorPrior& prior) const;
 
  private:
   struct Posterior;
@@ -55,7 +51,6 @@ class PredictorRegression {
   void for_each_coefficient(const Place& place) const;
 
   Eigen::Index p_, m_, lags_, windows_;
-  Eigen::Index own_;    // outputs among the regressors: all or none
   Eigen::MatrixXd S_;   // products of sums of the regressors over rising numbers of lags
   Eigen::MatrixXd F_;   // of these with the outputs
   Eigen::MatrixXd YY_;  // of the outputs

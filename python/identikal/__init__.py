@@ -13,7 +13,8 @@ from ._errors import FindingWarning, IdentikalError, InputError, StoppedWarning
 from .expressions import Expression, p
 from .extended import extended_filter
 from .external import tune_external
-from .jobs import bound, check, compare, filter, fit, forecast, handling, shape, simulate, smooth, track, tune, validate
+from .jobs import (bound, check, compare, filter, fit, forecast, handling, model, shape, simulate, smooth, track, tune,
+                   validate)
 from .models import Car, FormulaModel, LinearModel, Model, free
 from .online import OnlineFilter
 from .results import Finding, Parameter, Result
@@ -22,5 +23,5 @@ from .samples import Recording
 __version__ = _identikal.version
 __all__ = ["Car", "Expression", "Finding", "FindingWarning", "FormulaModel", "IdentikalError", "InputError", "LinearModel",
            "Model", "OnlineFilter", "Parameter", "Recording", "Result", "StoppedWarning", "bound", "check", "compare", "extended_filter",
-           "filter", "fit", "forecast", "free", "handling", "p", "shape", "simulate", "smooth", "track", "tune",
+           "filter", "fit", "forecast", "free", "handling", "model", "p", "shape", "simulate", "smooth", "track", "tune",
            "tune_external", "validate"]

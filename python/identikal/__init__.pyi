@@ -172,6 +172,9 @@ fit = check = shape = track = bound = simulate = forecast = filter = smooth = tu
 def handling(model: AnyModel, data: Any = ..., *, u: Optional[ArrayLike] = ..., time: Optional[ArrayLike] = ...,
              step: Optional[float] = ..., columns: Optional[Iterable[str]] = ..., units: Optional[Mapping[str, str]] = ...,
              warn: bool = ..., **options: Any) -> Result: ...
+def model(data: Any, *, u: Optional[ArrayLike] = ..., time: Optional[ArrayLike] = ..., step: Optional[float] = ...,
+          columns: Optional[Iterable[str]] = ..., units: Optional[Mapping[str, str]] = ..., progress: Progress = ...,
+          warn: bool = ..., **options: Any) -> Result: ...
 def validate(result: Result, data: Any, *, u: Optional[ArrayLike] = ..., time: Optional[ArrayLike] = ..., step: Optional[float] = ...,
              columns: Optional[Iterable[str]] = ..., units: Optional[Mapping[str, str]] = ..., progress: Progress = ...,
              warn: bool = ..., **options: Any) -> Result: ...

@@ -229,6 +229,13 @@ def compare(*given, data=None, u=None, time=None, step=None, columns=None, units
     return _run("compare", [_model(each) for each in given], data, (u, time, step, columns, units), [], options, None, warn)
 
 
+def model(data, *, u=None, time=None, step=None, columns=None, units=None, progress=None, warn=True, **options):
+    """Finds a linear model of recordings alone: model(y, u=u, step=0.01), or of files model("log.csv", input="u", output="y").
+    result.model is it, for tune, filter and the others; result.document["black_box"] what was tried, with poles, gains and
+    responses. as_="armax", order="1:8", for_="simulation" and others are the options of the command line."""
+    return _run("model", None, data, (u, time, step, columns, units), [], options, progress, warn)
+
+
 def handling(model, data=None, *, u=None, time=None, step=None, columns=None, units=None, warn=True, **options):
     """Understeer gradient, frequency response, step and lane change figures of a car's model, or of a result."""
     previous = [model] if isinstance(model, Result) else []
@@ -236,7 +243,7 @@ def handling(model, data=None, *, u=None, time=None, step=None, columns=None, un
                 warn)
 
 
-for _function in (filter, smooth, validate, handling):
+for _function in (filter, smooth, validate, model, handling):
     _function.__doc__ += "\n" + _ARGUMENTS
 
 

@@ -5,7 +5,8 @@
 
 n 1 to 8, inputs and outputs 1 to 3, signal to noise 0 to 40 dB, 500 to 20 000 rows, a third in closed loop. Exact maximum likelihood loses
 its number of free parameters over the number of measured values on average. Prints every system and a summary: the share within 1 % of that,
-orders, coverage of the 95 % intervals of poles where the order is the true one, unstable models, time. Needs numpy."""
+orders, coverage of the 95 % intervals of poles and of the 95 % bands of gain over frequency and of steps where the order is the true one, unstable
+models, time. Needs numpy."""
 import json
 import os
 import subprocess
@@ -95,8 +96,33 @@ def model_of(program, u, y, purpose):
     return json.loads(run.stdout), time.time() - begin
 
 
+def inside(value, se, truth):
+    """Share of a band that holds the truth; of what has an error."""
+    value, se = np.array(value, float), np.array(se, float)
+    return list(np.abs(value - truth)[se > 0] < 1.96 * se[se > 0])
+
+
+def bands(system, box, m):
+    """Whether the model's 95 % bands hold the truth: gain over frequency, and the first 40 rows of the steps."""
+    A, B, C, D, *_ = system
+    gains, steps = [], []
+    for place, response in enumerate(box["frequency_responses"]):
+        i, j = divmod(place, m)
+        truth = [abs((C @ np.linalg.solve(np.exp(1j * w) * np.eye(len(A)) - A, B) + D)[i, j]) for w in response["frequency"]]
+        gains += inside(response["gain"], response["gain_se"], np.array(truth))
+    for response in box["step_responses"]:
+        i, j = int(response["output"][1:]), int(response["input"][1:])
+        x, truth = np.zeros(len(A)), []
+        for _ in range(40):
+            truth.append(C[i] @ x + D[i, j])
+            x = A @ x + B[:, j]
+        steps += inside(response["value"][:40], response["se"][:40], np.array(truth))
+    return gains, steps
+
+
 def main(program, count, seed, purpose="prediction"):
     draw, excess, orders, covered, times, unstable, right = np.random.default_rng(int(seed)), [], [], [], [], 0, 0
+    in_gains, in_steps = [], []
     for _ in range(int(count)):
         n, m, p = draw.integers(1, 9), draw.integers(1, 4), draw.integers(1, 4)
         decibels, rows = draw.uniform(0, 40), int(10 ** draw.uniform(np.log10(500), np.log10(20000)))
@@ -121,6 +147,9 @@ def main(program, count, seed, purpose="prediction"):
         unstable += np.abs(np.linalg.eigvals(A)).max() >= 1
         right += found["status"]["code"] == "ok"
         if size == n:
+            gains, steps = bands(system, box, m)
+            in_gains += gains
+            in_steps += steps
             truth = np.linalg.eigvals(system[0])
             for pole in box["poles"]:
                 away = truth - complex(pole["real"], pole["imaginary"])
@@ -134,7 +163,7 @@ def main(program, count, seed, purpose="prediction"):
     of = np.array(excess)
     print(f"{len(of)} systems for {purpose}: within 1 % of exact maximum likelihood {np.mean(of[:, 0] - of[:, 1] < 0.01):.3f}, median excess over "
           f"expected {np.median(of[:, 0] / of[:, 1]):.2f}, order right {np.mean(np.array(orders) == 0):.2f}, below {np.mean(np.array(orders) < 0):.2f}, "
-          f"poles covered {np.mean(covered):.3f} of {len(covered)}, unstable {unstable}, ok {right}, mean {np.mean(times):.2f} s, longest {np.max(times):.2f} s")
+          f"poles covered {np.mean(covered):.3f} of {len(covered)}, bands of gains {np.mean(in_gains):.3f}, of steps {np.mean(in_steps):.3f}, unstable {unstable}, ok {right}, mean {np.mean(times):.2f} s, longest {np.max(times):.2f} s")
 
 
 if __name__ == "__main__":

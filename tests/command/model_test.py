@@ -129,6 +129,58 @@ class Model(unittest.TestCase):
                 if done.returncode < 2:
                     self.assertIsNotNone(json.loads(done.stdout)["filter"])
 
+    def test_polynomials_of_a_known_system(self):
+        """y = 0.5 q^-1 / (1 - 0.8 q^-1) u + e: output error, and ARMAX with C = A."""
+        draw, x, rows = random.Random(8), 0.0, []
+        for t in range(1500):
+            u = draw.gauss(0, 1)
+            rows.append((0.1 * t, u, x + 0.2 * draw.gauss(0, 1)))
+            x = 0.8 * x + 0.5 * u
+        with Folder() as made:
+            log = made.write("log.csv", table(rows))
+            for kind, poles in (("oe", "F"), ("armax", "A"), ("bj", "F")):
+                found = result("model", log, *OF_MOTOR, "--as", kind, "--order", "1:3")
+                self.assertEqual("ok", found["status"]["code"], kind)
+                of = {each["name"]: each for each in found["black_box"]["polynomials"]}
+                self.assertEqual((1, "voltage"), (of["B"]["delay"], of["B"]["input"]))
+                for value, se, truth in ((of[poles]["value"][1], of[poles]["se"][1], -0.8), (of["B"]["value"][0], of["B"]["se"][0], 0.5)):
+                    self.assertLess(abs(value - truth), 4.5 * se, kind)
+                    self.assertLess(se, 0.03, kind)
+            chosen = result("model", log, *OF_MOTOR, "--as", "oe", "--polynomials", "nb=1,nf=2", "--delay", "1")["black_box"]
+            self.assertEqual([1, 3], [len(each["value"]) for each in chosen["polynomials"]])
+            text = run("model", log, *OF_MOTOR, "--as", "oe", "--order", "1", "-o", made.path / "oe.yaml", code=0).stdout
+            self.assertRegex(text, r"F of voltage: 1 - 0\.[78]\d* \+- 0\.0\d+ q\^-1")
+            self.assertEqual("ok", result("check", made.path / "oe.yaml", log)["status"]["code"])
+
+    def test_what_no_polynomials_can_be(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(300, 9)))
+            for options, line in (
+                    (("--polynomials", "na=1"), "--polynomials without --as; expected --as arx, armax, oe or bj"),
+                    (("--delay", "1"), "--delay without --as; expected --as arx, armax, oe or bj"),
+                    (("--as", "arx", "--polynomials", "nx=1"), "'nx=1' in --polynomials; expected na, nb, nc, nd or nf and a number up to 60: na=2,nb=3,nc=1"),
+                    (("--as", "arx", "--polynomials", "na=1.5"), "'na=1.5' in --polynomials; expected na, nb, nc, nd or nf and a number up to 60: na=2,nb=3,nc=1"),
+                    (("--as", "arx", "--polynomials", "nf=1"), "nf of --polynomials with --as arx; expected polynomials of that model: a, b"),
+                    (("--as", "oe", "--polynomials", "nf=1"), "--polynomials nf=1 leaves nothing to estimate; expected at least one coefficient, and nb beside nf"),
+                    (("--as", "oe", "--polynomials", "nb=1", "--order", "2"), "both --order and --polynomials; expected one of them"),
+                    (("--as", "oe", "--delay", "-1"), "--delay '-1' is none; expected a number of rows: 1")):
+                done = run("model", log, *OF_MOTOR, *options, code=2)
+                self.assertEqual(f"identikal: {line}\n", done.stderr)
+            done = run("model", log, "--output", "speed", "--as", "oe", code=2)
+            self.assertIn("without an input", done.stderr)
+
+    def test_its_page_draws_what_was_found(self):
+        with Folder() as made:
+            log = made.write("motor.csv", table(motor(800, 10)))
+            page = made.path / "page.html"
+            run("model", log, *OF_MOTOR, "--report", page, code=0)
+            self.assertIn("showBlackBox", page.read_text())
+            box = result("model", log, *OF_MOTOR)["black_box"]
+            (step,), (frequency,) = box["step_responses"], box["frequency_responses"]
+            self.assertLess(abs(step["value"][-1] - box["gain"][0][0]), 4 * step["se"][-1])
+            self.assertAlmostEqual(314.159265, frequency["frequency"][-1], places=4)
+            self.assertTrue(all(0 <= each <= 1 for each in frequency["coherence"]))
+
     def test_daisy(self):
         """Sets of others: first half estimates, order automatic, no anchor of anybody is in the program."""
         folder = SHARED / "benchmarks"

@@ -57,6 +57,19 @@ double mean_fit(const std::vector<MatrixXd>& y, const std::vector<MatrixXd>& pre
                             : -std::numeric_limits<double>::infinity();
 }
 
+// Rows that have so many without a gap before them.
+Index windows_of(const ScaledRecordings& recordings, Index lags) {
+  Index windows = 0;
+  for (const MatrixXd& y : recordings.y) {
+    Index run = 0;
+    for (Index t = 0; t < y.cols(); ++t) {
+      run = y.col(t).allFinite() ? run + 1 : 0;
+      windows += run > lags ? 1 : 0;
+    }
+  }
+  return windows;
+}
+
 }  // namespace
 
 Index suitable_lags(const ScaledRecordings& recordings, int most_order) {
@@ -67,6 +80,7 @@ Index suitable_lags(const ScaledRecordings& recordings, int most_order) {
   lags = std::min(
       lags, std::max<Index>(kMostRegressors / q, most_order / recordings.y.front().rows() + 2));
   lags = std::min(lags, rows / (2 * (q + 1)));
+  while (lags > 2 && windows_of(recordings, lags) < 2 * q * (lags + 1)) --lags;
   if (lags < 2) {
     throw InputError({}, fmt::format("{} rows are too few for {} channels", rows, q),
                      fmt::format("at least {} rows", 4 * (q + 1)));
@@ -89,9 +103,6 @@ SubspaceStart subspace_start(const ScaledRecordings& recordings, Index lags,
 }
 
 namespace {
-
-// More rows than these change no choice.
-constexpr Index kEnoughRows = 200000;
 
 // Is nothing left in the predictor of what was before so many rows?
 bool forgets(const InnovationForm& model, Index lags) {
@@ -212,8 +223,11 @@ void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recor
   const auto p = static_cast<double>(sums.outputs);
   const double half = half_log_determinant(candidate.model.sigma);
   candidate.log_likelihood = -rows * (half + 0.5 * p * (1.0 + std::log(2.0 * std::numbers::pi)));
-  candidate.bic = -2.0 * candidate.log_likelihood +
-                  static_cast<double>(free_parameters(candidate.model)) * std::log(rows);
+  Index parameters = 0;
+  for (const PolynomialModel& each : candidate.polynomials) parameters += each.parameters();
+  if (candidate.polynomials.empty()) parameters = free_parameters(candidate.model);
+  candidate.bic =
+      -2.0 * candidate.log_likelihood + static_cast<double>(parameters) * std::log(rows);
 }
 
 void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out) {

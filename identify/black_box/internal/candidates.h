@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "identify/black_box/internal/scaled_recordings.h"
+#include "lib/polynomial/polynomial_model.h"
 #include "lib/subspace/innovation_form.h"
 #include "lib/subspace/lagged_products.h"
 #include "lib/subspace/predictor.h"
@@ -23,7 +24,7 @@ struct SubspaceStart {
 
 inline constexpr Eigen::Index kRowsForState = 50;  ///< that a first state is taken from
 
-/// Rows that the predictor looks back: as many as recordings of this length determine.
+/// Rows that the predictor looks back: as many as recordings of this length and with these gaps determine.
 /// @throws InputError for recordings too short for any
 Eigen::Index suitable_lags(const ScaledRecordings& recordings, int most_order);
 
@@ -36,12 +37,14 @@ enum class Refinement {
   none,              ///< regression on the states
   simulation,        ///< B and D by simulation
   prediction_error,  ///< all of it by the prediction error method
+  polynomials,       ///< the prediction error method of polynomials
 };
 
 struct BlackBoxCandidate {
   int order = 0;
   Refinement refinement = Refinement::none;
-  InnovationForm model;  ///< of scaled recordings
+  InnovationForm model;                           ///< of scaled recordings
+  std::vector<PolynomialModel> polynomials = {};  ///< of every output; empty of others
   /// Of the predictions of all rows; NaN where it was not asked.
   double log_likelihood = std::numeric_limits<double>::quiet_NaN();
   double bic = std::numeric_limits<double>::quiet_NaN();

@@ -13,26 +13,27 @@ using Eigen::VectorXd;
 double logistic(double x) { return 1.0 / (1.0 + std::exp(-x)); }
 double logit(double x) { return std::log(x / (1.0 - x)); }
 
-// Pairs of the logarithm of a size and the logit of a decay.
-using PriorOf = std::function<PredictorPrior(const VectorXd& x)>;
+using EvidenceOf = std::function<double(const VectorXd& x)>;
 
-PredictorPrior likeliest(const PredictorRegression& regression, const PriorOf& prior_of,
-                         const VectorXd& start, int evaluations) {
+VectorXd likeliest(const EvidenceOf& evidence, const VectorXd& start, const VectorXd& lower,
+                   const VectorXd& upper, int evaluations) {
   Minimization problem;
   problem.evaluate = [&](const VectorXd& x, double& f, VectorXd*) {
-    f = -regression.log_evidence(prior_of(x));
+    f = -evidence(x);
     return std::isfinite(f);
   };
-  const Eigen::Index pairs = start.size() / 2;
-  problem.lower = VectorXd{{-10.0, -4.0}}.replicate(pairs, 1);
-  problem.upper = VectorXd{{40.0, 5.0}}.replicate(pairs, 1);
+  problem.lower = lower;
+  problem.upper = upper;
   SolverOptions options;
   options.max_iterations = evaluations;
   options.function_tolerance = 1e-7;
   options.parameter_tolerance = 1e-2;
-  const VectorXd inside = start.cwiseMax(problem.lower).cwiseMin(problem.upper);
-  return prior_of(solve_without_gradient(problem, inside, options).x);
+  const VectorXd inside = start.cwiseMax(lower).cwiseMin(upper);
+  return solve_without_gradient(problem, inside, options).x;
 }
+
+// Of the logarithm of a size, and of the logit of a decay or correlation.
+constexpr double kLeastSize = -10.0, kMostSize = 40.0, kLeastDecay = -4.0, kMostDecay = 5.0;
 
 }  // namespace
 
@@ -45,17 +46,37 @@ PredictorPrior likeliest_prior(const PredictorRegression& regression, const Pred
   const auto prior_of = [](const VectorXd& x) {
     return PredictorPrior{std::exp(x[0]), logistic(x[1]), std::exp(x[2]), logistic(x[3])};
   };
-  return likeliest(regression, prior_of, from, start != nullptr ? 60 : 150);
+  return prior_of(likeliest([&](const VectorXd& x) { return regression.log_evidence(prior_of(x)); },
+                            from, VectorXd{{kLeastSize, kLeastDecay, kLeastSize, kLeastDecay}},
+                            VectorXd{{kMostSize, kMostDecay, kMostSize, kMostDecay}},
+                            start != nullptr ? 60 : 150));
 }
 
-PredictorPrior likeliest_impulse_prior(const PredictorRegression& regression) {
-  const auto prior_of = [](const VectorXd& x) {
-    PredictorPrior out;
-    out.input_size = std::exp(x[0]);
-    out.input_decay = logistic(x[1]);
-    return out;
+KernelPrior likeliest_kernel(const ImpulseRegression& regression, bool all_kernels) {
+  const auto best_of = [&](Kernel kernel, const VectorXd& start, int evaluations) {
+    const auto prior_of = [kernel](const VectorXd& x) {
+      KernelPrior out{kernel, std::exp(x[0]), logistic(x[1])};
+      if (x.size() > 2) out.correlation = logistic(x[2]);
+      return out;
+    };
+    VectorXd lower{{kLeastSize, kLeastDecay, kLeastDecay}}, upper{{kMostSize, kMostDecay, 8.0}};
+    lower.conservativeResize(start.size());
+    upper.conservativeResize(start.size());
+    return prior_of(
+        likeliest([&](const VectorXd& x) { return regression.log_evidence(prior_of(x)); }, start,
+                  lower, upper, evaluations));
   };
-  return likeliest(regression, prior_of, VectorXd{{2.0, 1.0}}, 60);
+  KernelPrior best = best_of(Kernel::tuned_correlated, VectorXd{{2.0, 1.0}}, 60);
+  if (!all_kernels) return best;
+  const double size = std::log(best.size), decay = logit(best.decay);
+  // TC is DC with the root of the decay as correlation.
+  const double correlation = logit(std::sqrt(best.decay));
+  for (const KernelPrior& each :
+       {best_of(Kernel::diagonal_correlated, VectorXd{{size, decay, correlation}}, 120),
+        best_of(Kernel::stable_spline, VectorXd{{size, decay + 1.0}}, 60)}) {
+    if (regression.log_evidence(each) > regression.log_evidence(best)) best = each;
+  }
+  return best;
 }
 
 }  // namespace identikal

@@ -10,6 +10,9 @@
 
 namespace identikal {
 
+/// More rows than these change no choice, no error and no picture.
+inline constexpr Eigen::Index kEnoughRows = 200000;
+
 /// z = (recorded - at) / sd of every channel, outputs first.
 struct OperatingPoint {
   Eigen::VectorXd y, u;        ///< SI; 0 where recordings do not tell it from 0

@@ -3,6 +3,7 @@
 showHeader();
 showStatus();
 showHandling();
+showBlackBox();
 showParameters();
 showPredictions();
 showTimeHistory();

@@ -288,6 +288,21 @@ class Page(unittest.TestCase):
         page = self.made("shape", "shape", "examples/nile.yaml", "data/nile.csv", code=1)
         self.looked_at("shape", page, 4)
 
+    def test_a_model_from_data(self):
+        """Order, poles, steps and frequency responses of states, and of polynomials with their table."""
+        draw, x, rows = random.Random(11), [0.0, 0.0], []
+        for t in range(600):
+            u = draw.gauss(0, 1)
+            rows.append(f"{0.1 * t:g},{u:.6f},{x[0] + 0.3 * draw.gauss(0, 1):.6f}")
+            x = [0.8 * x[0] + 0.3 * x[1] + 0.2 * u, -0.3 * x[0] + 0.8 * x[1] + u]
+        log = self.path / "driven.csv"
+        log.write_text("t [s],force,position\n" + "\n".join(rows) + "\n")
+        common = "model", log, "--input", "force", "--output", "position"
+        self.looked_at("model", self.made("model", *common), 16)
+        page = self.made("output_error", *common, "--as", "oe", "--order", "1:4")
+        self.looked_at("output_error", page, 16)
+        self.assertIn("F of force", self.browser.run("return document.querySelector('#poles').textContent"))
+
     def test_a_verdict_does_not_hide_failing_tests(self):
         model = self.path / "off.yaml"
         model.write_text((ROOT / "examples/nile.yaml").read_text().replace("column: volume", "column: level"))
