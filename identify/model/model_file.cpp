@@ -10,6 +10,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/model/components.h"
+#include "identify/model/curves.h"
 #include "identify/model/included_files.h"
 #include "identify/model/internal/formula_form.h"
 #include "identify/model/internal/linear_form.h"
@@ -125,7 +126,7 @@ Model parse_model_file(const std::string& text, const std::string& path, Formula
 }
 
 Model model_of(const YamlNode& written, const std::string& path, FormulaReading reading) {
-  const YamlNode root = with_components(with_still_state(written));
+  const YamlNode root = with_curves(with_components(with_still_state(written)));
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());

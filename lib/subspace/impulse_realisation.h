@@ -15,8 +15,10 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     const ImpulseRealisation realisation({D, CB, CAB, CAAB, CAAAB});
-///     const InnovationForm two_states = realisation.model(2);
+///     std::vector<Eigen::MatrixXd> h;  // 0, 1, 0.8, 0.64, ...
+///     for (double value : {0.0, 1.0, 0.8, 0.64, 0.512}) h.push_back(Eigen::MatrixXd{{value}});
+///     const ImpulseRealisation realisation(h);
+///     const InnovationForm one_state = realisation.model(1);
 class ImpulseRealisation {
  public:
   /// @param h  outputs x inputs of every lag from 0 on

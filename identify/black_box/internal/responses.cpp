@@ -137,9 +137,10 @@ std::vector<BlackBox::ImpulseResponse> impulse_responses(const ScaledRecordings&
   if (lags < 2) return {};
   const ScaledRecordings rows_used = first_rows(recordings, kEnoughRows);
   const ImpulseRegression regression(lagged_products(rows_used.y, rows_used.u, lags));
-  // In a long recording no kernel is far from the data, and a choice among them is not worth its time.
-  constexpr Index kShort = 5000;
-  const KernelPrior prior = likeliest_kernel(regression, recordings.rows() <= kShort);
+  // In a long recording no kernel is far from the data, and of many inputs a choice takes longer than all else.
+  constexpr Index kShort = 5000, kFew = 110;
+  const bool all_kernels = recordings.rows() <= kShort && m * (lags + 1) <= kFew;
+  const KernelPrior prior = likeliest_kernel(regression, all_kernels);
   const ImpulseRegression::Responses found = regression.estimate(prior);
   std::vector<BlackBox::ImpulseResponse> all;
   for (Index i = 0; i < p; ++i) {

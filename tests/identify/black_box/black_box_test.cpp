@@ -228,7 +228,7 @@ TEST(BlackBox, BadRecordingsAreRefusedInOneLine) {
   EXPECT_THROW(found(recorded(Plant{}, 500, 13), {.held_out_share = 0.9}), std::invalid_argument);
   EXPECT_THROW(found(recorded(Plant{}, 60, 13), {.least_order = 50, .most_order = 50}), InputError);
   Record gaps = recorded(Plant{}, 500, 14);
-  for (Index t = 0; t < 500; t += 5) gaps.y[t] = std::numeric_limits<double>::quiet_NaN();
+  for (Index t = 0; t < 500; t += 3) gaps.y[t] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(found(gaps), InputError);
 }
 
