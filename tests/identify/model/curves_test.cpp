@@ -137,13 +137,13 @@ std::string refusal(const std::string& curve) {
 }
 
 TEST(Curves, RefuseWhatIsNone) {
-  EXPECT_EQ(
-      refusal("{spline: u, knots: [0, 1]}"),
-      "m.yaml:9:30: the knots of curve 'f'; expected a list of 3 to 14 rising numbers: [-1, 0, 1]");
+  EXPECT_EQ(refusal("{spline: u, knots: [0, 1]}"),
+            "m.yaml:10:29: the knots of curve 'f'; expected a list of 3 to 14 rising numbers: [-1, "
+            "0, 1]");
   EXPECT_EQ(refusal("{spline: u, knots: [0, 1, 1]}"),
-            "m.yaml:9:37: knot 1 behind 1; expected knots that rise");
+            "m.yaml:10:36: knot 1 behind 1; expected knots that rise");
   EXPECT_EQ(refusal("{spline: u, knots: [0 V, 1 mV, 2 V]}"),
-            "m.yaml:9:36: a knot in 'mV' behind one in 'V'; expected all knots in one unit");
+            "m.yaml:10:35: a knot in 'mV' behind one in 'V'; expected all knots in one unit");
   EXPECT_NE(refusal("{knots: [0, 1, 2]}").find("without 'spline' or 'table'"), std::string::npos);
   EXPECT_NE(refusal("{spline: u}").find("'knots'"), std::string::npos);
   EXPECT_NE(refusal("{spline: u, knots: [0 V, 1 V, 2 V], value: [1]}").find("unknown key 'value'"),
