@@ -12,7 +12,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/estimate/parameter_table.h"
-#include "identify/filter/nonlinear_recordings.h"
+#include "identify/filter/recordings_likelihood.h"
 #include "identify/model/check.h"
 #include "identify/noise/estimate.h"
 #include "identify/simulation/simulate.h"
@@ -211,16 +211,16 @@ RecordingInformation information_of_nonlinear(const Model& model, const BoundOpt
   RecordingInformation out;
   for (int run = 0; run < options.runs; ++run) {
     recording[0].y = simulated_outputs(model, inputs, random);
-    NonlinearRecordings likelihood(model, recording);
-    const Likelihood& at = likelihood.evaluate(model.parameters, true);
-    if (at.status != FilterStatus::ok) {
+    RecordingsLikelihood likelihood(model, recording);
+    const Likelihood* const at = likelihood.evaluate(model.parameters, true);
+    if (at == nullptr) {
       throw InputError({model.source, 0, 0},
                        fmt::format("simulated recording {} of {}: {}", run + 1, options.runs,
-                                   describe(at.status)),
+                                   describe(likelihood.status_at_start())),
                        "values of a filter that runs");
     }
-    each.push_back(at.information);
-    out.total = run == 0 ? at.information : MatrixXd(out.total + at.information);
+    each.push_back(at->information);
+    out.total = run == 0 ? at->information : MatrixXd(out.total + at->information);
   }
   const double runs = options.runs;
   out.total /= runs;

@@ -202,7 +202,11 @@ std::optional<std::string> estimated_model_text(const StoredEstimate& result,
     return std::nullopt;
   }
   for (std::size_t i = 0; i < count; ++i) {
-    const MatrixXd &meant = model.parameters[i].value, &found = again.parameters[i].value;
+    // What had no line in the file has one in front of the others now.
+    const int place = find_parameter(again.parameters, model.parameters[i].name);
+    if (place < 0) return std::nullopt;
+    const MatrixXd &meant = model.parameters[i].value,
+                   &found = again.parameters[static_cast<std::size_t>(place)].value;
     const bool same = meant == started.parameters[i].value;
     if (!meant.allFinite() || (same && model.parameters[i].fixed)) continue;
     if (meant.rows() != found.rows() ||

@@ -158,5 +158,42 @@ outputs: {y: {column: y, unit: m}}
         self.assertNotIn("starts_within", said())
 
 
+
+class Curve(unittest.TestCase):
+    """A lag driven through a valve that nobody knows: b u^2, found as a spline of five knots."""
+
+    MODEL = """identikal: 1
+states: {level: cm}
+inputs: [{name: command, unit: V}]
+parameters: {tau: {value: 3 s, min: 0.1 s}, s: {value: 0.2 cm, min: 0 cm}}
+time: {kind: continuous, step: 0.5 s}
+let: {flow: {spline: command, knots: [0 V, 1 V, 2 V, 3 V, 4 V], unit: cm/s, values: [0, 1, 2, 3, 4]}}
+dynamics: {level: flow - level/tau}
+outputs: {gauge: {column: gauge, unit: cm, equals: level}}
+noise: {measurement: {sd: {gauge: s}}}
+initial: {mean: {level: 0}}
+"""
+
+    def test_it_is_found_and_goes_on_in_every_form(self):
+        draw, level, lines = random.Random(4), 0.0, ["command,gauge"]
+        for t in range(500):
+            command = 2 + 1.2 * math.sin(0.3 * t) + 0.8 * math.sin(1.7 * t)
+            lines.append(f"{command:.9f},{level + draw.gauss(0, 0.1):.9f}")
+            level = math.exp(-0.5 / 3) * level + 3 * (1 - math.exp(-0.5 / 3)) * 0.2 * command ** 2
+        with Folder() as made:
+            model, data = made.write("valve.yaml", self.MODEL), made.write("valve.csv", "\n".join(lines) + "\n")
+            found = result("fit", model, data, "-o", made.path / "out")
+            of = {each["name"]: each for each in found["parameters"]}
+            for knot, truth in enumerate((0.0, 0.2, 0.8, 1.8, 3.2), 1):
+                each = of[f"flow_{knot}"]
+                self.assertEqual("cm/s", each["unit"])
+                self.assertLess(abs(each["value"] - truth), 4.5 * each["se"], each)
+            tuned = made.write("tuned.yaml", run("export", made.path / "out", "--to", "yaml", code=0).stdout)
+            again = {each["name"]: each for each in result("fit", tuned, data)["parameters"]}
+            self.assertAlmostEqual(of["flow_3"]["value"], again["flow_3"]["value"], places=5)
+            bound = run("bound", tuned, "--rows", 500, "--input", "command=2+1.2*sin(0.6*t)+0.8*sin(3.4*t)", code=0)
+            self.assertIn("flow_3", bound.stdout)
+
+
 if __name__ == "__main__":
     unittest.main(verbosity=2)

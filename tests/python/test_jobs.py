@@ -261,3 +261,20 @@ def test_the_tool(tool):
     assert mine.returncode == 0 and mine.stdout == subprocess.run([tool, "--version"], capture_output=True, text=True, check=False).stdout
     wrong = subprocess.run([sys.executable, "-m", "identikal", "tun"], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2 and "tune" in wrong.stderr
+
+
+def test_a_model_from_data():
+    draw, x, y = np.random.default_rng(5), 0.0, []
+    u = draw.normal(size=1200)
+    for each in u:
+        y.append(x + 0.2 * draw.normal())
+        x = 0.8 * x + 0.5 * each
+    found = ik.model(y, u=u, step=0.1, as_="oe", order="1:3")
+    (pole,) = found.document["black_box"]["poles"]
+    assert found.status == "ok" and abs(pole["real"] - 0.8) < 4.5 * pole["real_se"]
+    assert ik.check(found.model, y, u=u, step=0.1).status == "ok"
+    named = ik.model(np.column_stack([y, u]), columns=["speed", "voltage"], step=0.1, input="voltage", output="speed", order="1:3")
+    assert named.document["black_box"]["input_names"] == ["voltage"]
+    for mistake in ({"as_": "oe"}, {"u": u, "order": "3:1"}, {"u": u, "as_": "none"}):
+        with pytest.raises(ik.InputError):
+            ik.model(y, step=0.1, **mistake)

@@ -4,12 +4,15 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <limits>
+#include <string>
 
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "identify/model/builder.h"
+#include "identify/model/model_file.h"
 #include "lib/base/error.h"
 #include "lib/filter/information.h"
 #include "lib/filter/steady_state.h"
@@ -226,6 +229,38 @@ TEST(BoundOf, InnovationFormOfSeveralStatesAndOutputs) {
   const CramerRaoBound blind = bound_of(true_model(hidden, Domain::diagonal), options, nullptr);
   EXPECT_TRUE(blind.bound.innovation_form.K_se.array().isNaN().all());
   EXPECT_NEAR(blind.bound.innovation_form.Sigma_se(1, 1), 3.0 * std::sqrt(2.0 / 3000.0), 1e-9);
+}
+
+// x' = b w - x/tau with w a column, or with w = u^2 by a formula: the same information, whichever way it is read.
+TEST(BoundOf, AModelWhoseInputIsAFormulaSaysTheSame) {
+  const std::string head =
+      "identikal: 1\nstates: [x]\ninputs: [{name: u}]\nparameters: {tau: {value: 3, min: 0.1}, b: "
+      "{value: 1}}\n"
+      "time: {kind: discrete, step: 1 s}\noutputs: {y: {column: y, equals: x}}\n"
+      "noise: {process: {kind: per-sample, sd: {x: 0.2}}, measurement: {sd: {y: 0.1}}}\n"
+      "initial: {mean: {x: 0}, sd: {x: 1}}\n";
+  const Model column = parse_model_file(head + "dynamics: {x: x - x/tau + b*u}\n", "column.yaml"),
+              formula =
+                  parse_model_file(head + "dynamics: {x: x - x/tau + b*u^2}\n", "formula.yaml");
+  Dataset inputs;
+  inputs.time = Eigen::VectorXd::LinSpaced(200, 0.0, 199.0);
+  inputs.u = (0.3 * inputs.time).array().sin().matrix().transpose();
+  inputs.inputs = {{"u", ""}};
+  inputs.outputs = {{"y", ""}};
+  inputs.dt = 1.0;
+  inputs.y = Eigen::MatrixXd::Constant(1, 200, std::numeric_limits<double>::quiet_NaN());
+  Dataset squared = inputs;
+  squared.u = inputs.u.cwiseAbs2();
+  BoundOptions options;
+  options.samples = 200;
+  const CramerRaoBound by_column = bound_of(column, options, &squared),
+                       by_formula = bound_of(formula, options, &inputs);
+  for (const char* name : {"tau", "b"}) {
+    const double expected = named(by_column, name).crb_se;
+    EXPECT_GT(expected, 0.0);
+    // 50 simulated recordings stand for the expectation: their scatter is a few per cent.
+    EXPECT_NEAR(named(by_formula, name).crb_se, expected, 0.05 * expected) << name;
+  }
 }
 
 TEST(BoundOf, WhatNoRecordingDetermines) {
