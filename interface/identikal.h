@@ -54,7 +54,8 @@ typedef struct {
 
    model_yaml  the text of a model file; NULL for validate and compare, whose results hold their models,
                for handling where a result is given, and for model, which finds one
-   recordings  `count` of them; of bound and simulate one of the inputs, or none; of compare none
+   recordings  `count` of them; of bound and simulate one of the inputs, or none; of compare none. Of model y are
+               the outputs and u the inputs, by their names or as y and u, y1, y2, ... where there are several
    previous    the results that the verb starts from: validate has one, compare two or more, handling one
                or none; of filter, forecast and simulate its values are taken. NULL where previous_count is 0
    options     a JSON object whose keys are the long options of the command line without dashes:
