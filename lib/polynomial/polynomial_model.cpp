@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 
 namespace identikal {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
+using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 namespace {
@@ -170,6 +172,24 @@ PolynomialModel with_coefficients(PolynomialModel model, const VectorXd& theta) 
     at += each.size();
   });
   return model;
+}
+
+VectorXcd zeros_of(const VectorXd& a) {
+  const Index n = a.size();
+  if (n == 0) return {};
+  MatrixXd companion = MatrixXd::Zero(n, n);
+  companion.row(0) = -a.transpose();
+  for (Index i = 1; i < n; ++i) companion(i, i - 1) = 1.0;
+  return companion.eigenvalues();
+}
+
+VectorXd with_zeros(const VectorXcd& zeros) {
+  VectorXcd out = VectorXcd::Zero(zeros.size() + 1);
+  out[0] = 1.0;
+  for (Index k = 0; k < zeros.size(); ++k) {
+    for (Index i = k + 1; i >= 1; --i) out[i] -= zeros[k] * out[i - 1];
+  }
+  return out.tail(zeros.size()).real();
 }
 
 InnovationForm innovation_form(const std::vector<PolynomialModel>& outputs, const MatrixXd& sigma) {

@@ -38,6 +38,11 @@ Eigen::VectorXd coefficients(const PolynomialModel& model);
 /// The model of these coefficients. @throws std::invalid_argument for another number of them
 PolynomialModel with_coefficients(PolynomialModel model, const Eigen::VectorXd& theta);
 
+/// Zeros of q^n + a_1 q^(n-1) + ... + a_n: poles where it is a denominator.
+Eigen::VectorXcd zeros_of(const Eigen::VectorXd& a);
+/// The inverse: a_1 ... a_n. @param zeros  with the conjugate of each that is not real
+Eigen::VectorXd with_zeros(const Eigen::VectorXcd& zeros);
+
 /// x(t+1) = A x + B u + K e, y = C x + D u + e of several outputs that have the same inputs, block by block in observer form:
 /// of each output first 1/A with what enters it directly, then each B_j/F_j, then C/D.
 ///

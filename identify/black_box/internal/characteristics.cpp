@@ -77,10 +77,7 @@ void add_zeros(const VectorXd& a, const MatrixXd& root, double dt,
                std::vector<BlackBox::Pole>& out) {
   const Index n = a.size();
   if (n == 0) return;
-  MatrixXd companion = MatrixXd::Zero(n, n);
-  companion.row(0) = -a.transpose();
-  for (Index i = 1; i < n; ++i) companion(i, i - 1) = 1.0;
-  const VectorXcd zeros = companion.eigenvalues();
+  const VectorXcd zeros = zeros_of(a);
   for (Index k = 0; k < n; ++k) {
     const Complex z = zeros[k];
     if (z.imag() < 0.0) continue;

@@ -78,25 +78,6 @@ Fitted searched(const PolynomialErrors& errors, const Fitted& from) {
   return out.sum < from.sum ? out : from;
 }
 
-// 1 + a_1 q^-1 + ...: its zeros in the plane of q.
-VectorXcd zeros_of(const VectorXd& a) {
-  const Index n = a.size();
-  if (n == 0) return {};
-  MatrixXd companion = MatrixXd::Zero(n, n);
-  companion.row(0) = -a.transpose();
-  for (Index i = 1; i < n; ++i) companion(i, i - 1) = 1.0;
-  return companion.eigenvalues();
-}
-
-VectorXd with_zeros(const VectorXcd& zeros) {
-  VectorXcd out = VectorXcd::Zero(zeros.size() + 1);
-  out[0] = 1.0;
-  for (Index k = 0; k < zeros.size(); ++k) {
-    for (Index i = k + 1; i >= 1; --i) out[i] -= zeros[k] * out[i - 1];
-  }
-  return out.tail(zeros.size()).real();
-}
-
 // Zeros outside of the unit circle mirrored into it, away from its rim.
 VectorXd stable(const VectorXd& a) {
   VectorXcd zeros = zeros_of(a);

@@ -156,7 +156,7 @@ std::vector<BlackBox::ImpulseResponse> impulse_responses(const ScaledRecordings&
   return all;
 }
 
-// x(t+1) = A x + B, y = C x + D, and its moves dx(t+1) = A dx + dA x + dB beside it.
+// x(t+1) = A x + B, y = C x + D, and its moves dx(t+1) = A dx + dA x + dB.
 std::vector<BlackBox::StepResponse> step_responses(const InnovationForm& model,
                                                    const std::vector<Move>& moves,
                                                    const OperatingPoint& point,

@@ -25,7 +25,7 @@ std::vector<BlackBox::StepResponse> step_responses(const InnovationForm& model,
                                                    const OperatingPoint& point,
                                                    const Dataset& channels, Eigen::Index rows);
 
-/// Gain and phase of the model, and of spectral analysis beside it, in SI.
+/// Gain and phase of the model, and by spectral analysis, in SI.
 std::vector<BlackBox::FrequencyResponse> frequency_responses(const InnovationForm& model,
                                                              const std::vector<Move>& moves,
                                                              const ScaledRecordings& recordings,

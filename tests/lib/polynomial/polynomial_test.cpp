@@ -1,5 +1,6 @@
 // Polynomial models against their state-space form, dense linear algebra and finite differences.
 #include <cmath>
+#include <complex>
 #include <limits>
 
 #include <Eigen/Dense>
@@ -67,6 +68,15 @@ TEST(PolynomialModel, OfSeveralOutputsHasABlockOfEach) {
   const MatrixXd y = simulated_outputs(both, u, VectorXd::Zero(both.states()));
   const MatrixXd second = simulated_outputs(alone, u, VectorXd::Zero(alone.states()));
   EXPECT_LT((y.row(1) - second).cwiseAbs().maxCoeff(), 1e-13);
+}
+
+TEST(PolynomialModel, HasTheZerosItIsMadeFrom) {
+  const VectorXd a{{-1.5, 0.7, 0.2}};
+  const Eigen::VectorXcd zeros = zeros_of(a);
+  for (const std::complex<double> z : zeros)
+    EXPECT_LT(std::abs(z * z * z + a[0] * z * z + a[1] * z + a[2]), 1e-13);
+  EXPECT_LT((with_zeros(zeros) - a).cwiseAbs().maxCoeff(), 1e-13);
+  EXPECT_EQ(zeros_of(VectorXd()).size(), 0);
 }
 
 TEST(PolynomialErrors, SlopesAreThoseOfFiniteDifferencesAcrossGapsAndRecordings) {
