@@ -95,7 +95,7 @@ TEST(Polynomials, ArxIsTheLeastSquaresOfItsRegression) {
 
 // 40 recordings of 800 rows: 95 % intervals of every coefficient, and bands of gain and steps. Of 160 intervals fewer than 138
 // hold with a probability of 1e-5 if they were independent; they are not, so that the false-alarm rate is about 1e-3.
-struct Coverage {
+struct Hits {
   int covered = 0, counted = 0;
   void count(double value, double se, double truth) {
     covered += std::abs(value - truth) < 1.96 * se;
@@ -105,7 +105,7 @@ struct Coverage {
 };
 
 TEST(Polynomials, OutputErrorCoversTheTruthWhateverTheColourOfTheNoise) {
-  Coverage coefficients, steps, gains;
+  Hits coefficients, steps, gains;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     const BlackBoxResult result = fitted_to(
         driven(800, 10 + seed, 0.0, -0.9),
