@@ -202,8 +202,10 @@ void take_structure(const BlackBoxVerbOptions& given, BlackBoxOptions& out) {
   if (!given.delay.empty()) {
     const bool is_number =
         given.delay.size() < 5 && given.delay.find_first_not_of("0123456789") == std::string::npos;
-    if (!is_number)
-      throw InputError({}, fmt::format("--delay '{}' is none", given.delay), "a number of rows: 1");
+    if (!is_number || std::stoi(given.delay) > 100) {
+      throw InputError({}, fmt::format("--delay '{}' is none", given.delay),
+                       "a number of rows up to 100: 1");
+    }
     out.delay = std::stoi(given.delay);
   }
   check_polynomials(given, *found, out);

@@ -27,6 +27,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+// Every row of a delay is a state.
+constexpr Index kMostDelay = 100;
+
 // Fits closer than this are the same: the smaller order is taken.
 constexpr double kSameFit = 0.005;
 
@@ -121,11 +124,19 @@ std::vector<BlackBoxCandidate> polynomial_candidates(const ModelSearch& search,
                                                      const BlackBoxOptions& options) {
   std::vector<BlackBoxCandidate> out;
   const int most = options.polynomials ? options.least_order : options.most_order;
-  for (int order = options.least_order; order <= most; ++order) {
+  double least = std::numeric_limits<double>::infinity();
+  int since_least = 0;
+  // Orders beyond four that are no better are not tried: they take the longest.
+  for (int order = options.least_order; order <= most && since_least < 4; ++order) {
     if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
     const bool own_noise = search.structure == ModelStructure::box_jenkins && !options.polynomials;
-    for (int noise_order = 1; noise_order <= (own_noise ? 2 : 1); ++noise_order)
+    ++since_least;
+    for (int noise_order = 1; noise_order <= (own_noise ? 2 : 1); ++noise_order) {
       out.push_back(polynomial_candidate(search, options, order, noise_order));
+      if (!(out.back().bic < least)) continue;
+      least = out.back().bic;
+      since_least = 0;
+    }
   }
   return out;
 }
@@ -418,6 +429,8 @@ void check_options(const BlackBoxOptions& options) {
   if ((options.polynomials || options.delay) && options.structure == ModelStructure::states) {
     throw std::invalid_argument("estimate_black_box: polynomials and delay are of polynomials");
   }
+  if (options.delay && !(*options.delay >= 0 && *options.delay <= kMostDelay))
+    throw std::invalid_argument("estimate_black_box: a delay from 0 to 100 rows");
 }
 
 std::vector<Index> delays_of(const ModelSearch& search, const BlackBoxOptions& options) {

@@ -35,7 +35,7 @@ struct BlackBoxOptions {
   int least_order = 1, most_order = 12;
   /// In place of a choice of orders; of polynomials alone.
   std::optional<PolynomialOrders> polynomials = {};
-  /// Rows until every input is seen, of polynomials; none: as Wald's test tells (BlackBox::delays).
+  /// Rows until every input is seen, of polynomials, at most 100; none: as Wald's test tells (BlackBox::delays).
   std::optional<Eigen::Index> delay = {};
   BlackBoxPurpose purpose = BlackBoxPurpose::automatic;
   /// Of every recording, at its end, that candidates are judged on. The model that is chosen is estimated anew

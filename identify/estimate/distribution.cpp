@@ -24,6 +24,9 @@ using StudentT = boost::math::students_t_distribution<double, Policy>;
 double chi_square_upper_tail(double value, double dof) {
   if (std::isnan(value) || !(dof > 0.0)) return std::nan("");
   if (value <= 0.0) return 1.0;
+  if (std::isinf(value)) return 0.0;
+  // There boost's series begins with a gamma function that overflows; less than 1e-128 is missing.
+  if (dof > 100.0 && value < 1e-3 * dof) return 1.0;
   return boost::math::cdf(boost::math::complement(ChiSquare(dof), value));
 }
 
@@ -33,6 +36,7 @@ double chi_square_quantile(double probability, double dof) {
 
 double f_upper_tail(double value, double dof, double dof_rest) {
   if (std::isnan(value) || !(dof > 0.0) || !(dof_rest > 0.0)) return std::nan("");
+  if (std::isinf(value)) return value > 0.0 ? 0.0 : 1.0;
   return boost::math::cdf(boost::math::complement(FisherF(dof, dof_rest), std::max(0.0, value)));
 }
 

@@ -163,7 +163,8 @@ class Model(unittest.TestCase):
                     (("--as", "arx", "--polynomials", "nf=1"), "nf of --polynomials with --as arx; expected polynomials of that model: a, b"),
                     (("--as", "oe", "--polynomials", "nf=1"), "--polynomials nf=1 leaves nothing to estimate; expected at least one coefficient, and nb beside nf"),
                     (("--as", "oe", "--polynomials", "nb=1", "--order", "2"), "both --order and --polynomials; expected one of them"),
-                    (("--as", "oe", "--delay", "-1"), "--delay '-1' is none; expected a number of rows: 1")):
+                    (("--as", "oe", "--delay", "-1"), "--delay '-1' is none; expected a number of rows up to 100: 1"),
+                    (("--as", "oe", "--delay", "101"), "--delay '101' is none; expected a number of rows up to 100: 1")):
                 done = run("model", log, *OF_MOTOR, *options, code=2)
                 self.assertEqual(f"identikal: {line}\n", done.stderr)
             done = run("model", log, "--output", "speed", "--as", "oe", code=2)
