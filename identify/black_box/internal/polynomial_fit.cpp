@@ -269,8 +269,9 @@ MatrixXd coefficient_covariance(const PolynomialModel& model, const ScaledRecord
                            modes.eigenvectors().transpose();
   const bool no_noise_model = model.A.size() == 0 && model.C.size() == 0 && model.D.size() == 0;
   const VectorXd a = no_noise_model ? colour_of(rows.e) : VectorXd();
-  const double degrees =
-      static_cast<double>(recordings.rows()) / static_cast<double>(N) * static_cast<double>(N - P);
+  // Measured rows of all, where N of them are enough for the slopes.
+  const auto measured = static_cast<double>(errors_of(recordings, output).rows(model));
+  const double degrees = measured / static_cast<double>(N) * static_cast<double>(N - P);
   if (a.size() == 0) {
     return inverse * (rows.e.squaredNorm() / degrees);
   }
