@@ -4,6 +4,8 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <vector>
 
 #include "fleet/manifest.h"
@@ -21,7 +23,7 @@ namespace identikal {
 namespace {
 
 // As a word of sh.
-std::string quoted(const std::string& text) {
+std::string shell_word(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? "'\\''" : std::string(1, c);
   return out + "'";
@@ -115,6 +117,16 @@ std::string submit_one(const std::vector<std::string>& options, const std::strin
 
 }  // namespace
 
+std::string this_program() {
+  std::ifstream file("/proc/self/cmdline", std::ios::binary);
+  std::string out = shell_word(std::filesystem::read_symlink("/proc/self/exe").string());
+  bool first = true;
+  for (std::string word; std::getline(file, word, '\0') && word != "fleet"; first = false) {
+    if (!first) out += " " + shell_word(word);
+  }
+  return out;
+}
+
 SlurmScripts slurm_scripts(const SlurmRun& run, const std::string& program,
                            const std::string& store) {
   std::string options = fmt::format("--retries {}", run.retries);
@@ -129,7 +141,7 @@ SlurmScripts slurm_scripts(const SlurmRun& run, const std::string& program,
       "#SBATCH --requeue\n"
       "#SBATCH --output={5}/%A_%a.txt\n"
       "exec {2} fleet resume {3} --shard \"$SLURM_ARRAY_TASK_ID/{0}\" --workers {1} {4} --quiet\n",
-      run.shards, run.workers, quoted(program), quoted(store), options, store + ".slurm");
+      run.shards, run.workers, program, shell_word(store), options, store + ".slurm");
   out.merge = fmt::format(
       "#!/bin/sh\n"
       "#SBATCH --job-name=identikal-merge\n"
@@ -137,7 +149,7 @@ SlurmScripts slurm_scripts(const SlurmRun& run, const std::string& program,
       "#SBATCH --requeue\n"
       "#SBATCH --output={2}/%j.txt\n"
       "exec {0} fleet merge {1}\n",
-      quoted(program), quoted(store), store + ".slurm");
+      program, shell_word(store), store + ".slurm");
   return out;
 }
 

@@ -21,7 +21,10 @@ struct SlurmScripts {
   std::string array, merge;
 };
 
-/// @param program  path of this program on the nodes; @param store  on a file system that they share
+/// How this program was called, up to its verb, as words of sh: its path, or Python's with "-m identikal".
+std::string this_program();
+
+/// @param program  on the nodes, as words of sh; @param store  on a file system that they share
 SlurmScripts slurm_scripts(const SlurmRun& run, const std::string& program,
                            const std::string& store);
 

@@ -8,18 +8,10 @@
 
 #include <fmt/format.h>
 
+#include "lib/data/csv_cell.h"
+
 namespace identikal {
 namespace {
-
-// A cell whose text would be taken for more than one is quoted.
-std::string cell(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string out = "\"";
-  for (const char c : text) out += c == '"' ? "\"\"" : std::string(1, c);
-  return out + "\"";
-}
-
-std::string cell(double value) { return std::isfinite(value) ? fmt::format("{}", value) : ""; }
 
 std::string as_name(std::string text) {
   std::replace(text.begin(), text.end(), ' ', '_');
@@ -63,14 +55,14 @@ std::string header(const Columns& columns) {
   std::string out = "recording,unit,group";
   if (columns.options) out += ",options";
   if (columns.where) out += ",where";
-  for (const std::string& name : columns.covariates.list()) out += "," + cell(name);
-  if (!columns.by.empty()) out += "," + cell(columns.by);
+  for (const std::string& name : columns.covariates.list()) out += "," + csv_cell(name);
+  if (!columns.by.empty()) out += "," + csv_cell(columns.by);
   out += ",status,exit_code,rows,log_likelihood";
   for (const std::string& name : columns.parameters.list()) {
-    for (const char* end : {"", "_se", "_low", "_high"}) out += "," + cell(as_name(name) + end);
+    for (const char* end : {"", "_se", "_low", "_high"}) out += "," + csv_cell(as_name(name) + end);
   }
-  for (const std::string& name : columns.fits.list()) out += "," + cell("fit_percent_" + name);
-  for (const std::string& name : columns.tests.list()) out += "," + cell(as_name(name) + "_p");
+  for (const std::string& name : columns.fits.list()) out += "," + csv_cell("fit_percent_" + name);
+  for (const std::string& name : columns.tests.list()) out += "," + csv_cell(as_name(name) + "_p");
   return out + ",findings,message\n";
 }
 
@@ -94,16 +86,17 @@ std::string codes(const std::string& findings) {
 
 std::string line(const StoredRow& row, const Columns& columns) {
   const FleetRow& of = row.row;
-  std::string out = cell(row.job.recording) + "," + cell(row.job.unit) + "," + cell(row.job.group);
-  if (columns.options) out += "," + cell(row.job.options);
-  if (columns.where) out += "," + cell(row.job.where);
+  std::string out =
+      csv_cell(row.job.recording) + "," + csv_cell(row.job.unit) + "," + csv_cell(row.job.group);
+  if (columns.options) out += "," + csv_cell(row.job.options);
+  if (columns.where) out += "," + csv_cell(row.job.where);
   for (const std::string& name : columns.covariates.list()) {
     const auto known = std::find_if(row.job.covariates.begin(), row.job.covariates.end(),
                                     [&](const auto& each) { return each.first == name; });
-    out += "," + (known == row.job.covariates.end() ? std::string() : cell(known->second));
+    out += "," + (known == row.job.covariates.end() ? std::string() : csv_cell(known->second));
   }
-  if (!columns.by.empty()) out += "," + cell(of.part);
-  out += fmt::format(",{},{},{},{}", of.status, of.exit_code, of.rows, cell(of.log_likelihood));
+  if (!columns.by.empty()) out += "," + csv_cell(of.part);
+  out += fmt::format(",{},{},{},{}", of.status, of.exit_code, of.rows, csv_cell(of.log_likelihood));
   const auto parameters = by_name(parameters_of(of.parameters), &RowParameter::name);
   for (const std::string& name : columns.parameters.list()) {
     const auto p = parameters.find(name);
@@ -112,7 +105,7 @@ std::string line(const StoredRow& row, const Columns& columns) {
       continue;
     }
     for (const double value : {p->second.value, p->second.se, p->second.low, p->second.high}) {
-      out += "," + cell(value);
+      out += "," + csv_cell(value);
     }
   }
   const auto fits = by_name(fits_of(of.fits), &RowFit::channel);
@@ -120,14 +113,15 @@ std::string line(const StoredRow& row, const Columns& columns) {
     const auto fit = fits.find(name);
     out += ",";
     if (fit == fits.end()) continue;
-    out += cell(std::isnan(fit->second.one_step) ? fit->second.simulation : fit->second.one_step);
+    out +=
+        csv_cell(std::isnan(fit->second.one_step) ? fit->second.simulation : fit->second.one_step);
   }
   const auto tests = by_name(tests_of(of.tests), &RowTest::name);
   for (const std::string& name : columns.tests.list()) {
     const auto test = tests.find(name);
-    out += "," + (test == tests.end() ? std::string() : cell(test->second.p));
+    out += "," + (test == tests.end() ? std::string() : csv_cell(test->second.p));
   }
-  return out + "," + cell(codes(of.findings)) + "," + cell(of.message) + "\n";
+  return out + "," + csv_cell(codes(of.findings)) + "," + csv_cell(of.message) + "\n";
 }
 
 }  // namespace

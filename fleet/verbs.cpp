@@ -162,8 +162,7 @@ Outcome run_on_slurm(const std::string& store, const EngineOptions& options) {
   run.retries = static_cast<int>(options.retries);
   run.sbatch = options.sbatch;
   run.wait = options.wait;
-  const std::string program = fs::read_symlink("/proc/self/exe").string();
-  const SlurmScripts scripts = slurm_scripts(run, program, fs::absolute(store).string());
+  const SlurmScripts scripts = slurm_scripts(run, this_program(), fs::absolute(store).string());
   Outcome out;
   if (options.dry_run) {
     out.text = scripts.array + "\n" + scripts.merge;

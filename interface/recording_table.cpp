@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "identify/result/csv.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
 
@@ -153,6 +155,27 @@ Table recording_table(const ik_recording& given, const Model& model, const std::
   }
   add_time(given, model, name, table);
   return table;
+}
+
+std::string csv_text(const Table& table) {
+  fmt::memory_buffer out;
+  for (const Column& column : table.columns) {
+    if (!column.name.empty() && column.name.find_first_not_of("0123456789") == std::string::npos) {
+      throw InputError({table.path, 0, 0}, fmt::format("a column called '{}'", column.name),
+                       "a name", "say 'column: level' in the model");
+    }
+    fmt::format_to(std::back_inserter(out), "{}{}", &column == &table.columns.front() ? "" : ",",
+                   csv_heading(column.name, column.unit));
+  }
+  out.push_back('\n');
+  for (std::size_t row = 0; row < table.rows; ++row) {
+    for (std::size_t i = 0; i < table.columns.size(); ++i) {
+      if (i > 0) out.push_back(',');
+      fmt::format_to(std::back_inserter(out), "{}", table.columns[i].values[row]);
+    }
+    out.push_back('\n');
+  }
+  return fmt::to_string(out);
 }
 
 }  // namespace identikal

@@ -17,4 +17,8 @@ namespace identikal {
 Table recording_table(const ik_recording& recording, const Model& model, const std::string& name,
                       bool with_outputs);
 
+/// The same as a file: a header, with units in brackets, and numbers with all their digits.
+/// @throws InputError for a column whose name is a number: a file's header cannot have one
+std::string csv_text(const Table& table);
+
 }  // namespace identikal

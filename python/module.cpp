@@ -1,4 +1,5 @@
 // The module identikal._identikal: verbs, results and filters for the package around it.
+#include <exception>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,7 @@
 
 #include "command/command_line.h"
 #include "identify/model/templates.h"
+#include "lib/base/error.h"
 #include "lib/data/units.h"
 #include "lib/version.h"
 
@@ -28,11 +30,21 @@ std::vector<std::pair<std::string, std::string>> templates() {
   return out;
 }
 
+// Mistakes are ValueErrors, of which the package makes its InputErrors.
+void raise_mistakes(std::exception_ptr thrown) {
+  try {
+    if (thrown) std::rethrow_exception(thrown);
+  } catch (const InputError& error) {
+    PyErr_SetString(PyExc_ValueError, error.what());
+  }
+}
+
 }  // namespace
 }  // namespace identikal
 
 PYBIND11_MODULE(_identikal, module) {
   module.doc() = "What the package identikal is made of; not for use by itself.";
+  pybind11::register_exception_translator(identikal::raise_mistakes);
   module.attr("version") = IDENTIKAL_VERSION;
   module.def("tool", identikal::tool);
   module.def("templates", identikal::templates);
@@ -41,4 +53,5 @@ PYBIND11_MODULE(_identikal, module) {
   identikal::add_results(module);
   identikal::add_external_filter(module);
   identikal::add_online_filter(module);
+  identikal::add_fleets(module);
 }

@@ -45,4 +45,7 @@ void add_external_filter(pybind11::module_& module);
 /// Adds the class OnlineFilter.
 void add_online_filter(pybind11::module_& module);
 
+/// Adds what reads a fleet's store.
+void add_fleets(pybind11::module_& module);
+
 }  // namespace identikal

@@ -1,22 +1,13 @@
 #include "identify/result/csv.h"
 
-#include <cmath>
 
 #include <fmt/format.h>
 
-namespace identikal {
-namespace {
-std::string cell_text(double value) {
-  return std::isfinite(value) ? fmt::format("{}", value) : std::string();
-}
-}  // namespace
+#include "lib/data/csv_cell.h"
 
+namespace identikal {
 std::string csv_heading(const std::string& name, const std::string& unit) {
-  const std::string text = name + (unit.empty() ? "" : " [" + unit + "]");
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string out = "\"";
-  for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return out + "\"";
+  return csv_cell(name + (unit.empty() ? "" : " [" + unit + "]"));
 }
 
 std::string course_csv(const TimeHistory& course, const Series& series) {
@@ -29,9 +20,9 @@ std::string course_csv(const TimeHistory& course, const Series& series) {
   for (Eigen::Index t = 0; t < course.mean.cols(); ++t) {
     out += fmt::format("{:.12g}", series.time[t]);
     for (Eigen::Index i = 0; i < course.mean.rows(); ++i) {
-      out += "," + cell_text(course.mean(i, t)) + "," + cell_text(course.sd(i, t));
+      out += "," + csv_cell(course.mean(i, t)) + "," + csv_cell(course.sd(i, t));
     }
-    out += "," + cell_text(course.log_alarm[t]) + "\n";
+    out += "," + csv_cell(course.log_alarm[t]) + "\n";
   }
   return out;
 }
@@ -44,10 +35,10 @@ std::string spectrum_csv(const Shaping& s) {
   }
   out += "\n";
   for (Eigen::Index k = 0; k < s.spectrum_white.cols(); ++k) {
-    out += cell_text(s.frequency[k]) + "," + cell_text(s.band[0]) + "," + cell_text(s.band[1]);
+    out += csv_cell(s.frequency[k]) + "," + csv_cell(s.band[0]) + "," + csv_cell(s.band[1]);
     for (Eigen::Index i = 0; i < s.spectrum_white.rows(); ++i) {
-      out += "," + cell_text(s.spectrum_white(i, k));
-      if (s.spectrum_shaped.size() > 0) out += "," + cell_text(s.spectrum_shaped(i, k));
+      out += "," + csv_cell(s.spectrum_white(i, k));
+      if (s.spectrum_shaped.size() > 0) out += "," + csv_cell(s.spectrum_shaped(i, k));
     }
     out += "\n";
   }
@@ -68,8 +59,8 @@ std::string residuals_csv(const Series& s) {
     if (several) out += fmt::format("{},", s.recording[t]);
     out += fmt::format("{:.12g}", s.time[t]);
     for (Eigen::Index i = 0; i < s.measured.rows(); ++i) {
-      out += "," + cell_text(s.measured(i, t)) + "," + cell_text(s.predicted(i, t)) + ",";
-      if (s.standardised.size() > 0) out += cell_text(s.standardised(i, t));
+      out += "," + csv_cell(s.measured(i, t)) + "," + csv_cell(s.predicted(i, t)) + ",";
+      if (s.standardised.size() > 0) out += csv_cell(s.standardised(i, t));
     }
     out += "\n";
   }

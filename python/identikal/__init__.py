@@ -13,6 +13,7 @@ from ._errors import FindingWarning, IdentikalError, InputError, StoppedWarning
 from .expressions import Expression, p
 from .extended import extended_filter
 from .external import tune_external
+from .fleets import Fleet, PopulationParameter, fleet
 from .jobs import (bound, check, compare, filter, fit, forecast, handling, model, shape, simulate, smooth, track, tune,
                    validate)
 from .models import Car, FormulaModel, LinearModel, Model, free
@@ -21,7 +22,7 @@ from .results import Finding, Parameter, Result
 from .samples import Recording
 
 __version__ = _identikal.version
-__all__ = ["Car", "Expression", "Finding", "FindingWarning", "FormulaModel", "IdentikalError", "InputError", "LinearModel",
-           "Model", "OnlineFilter", "Parameter", "Recording", "Result", "StoppedWarning", "bound", "check", "compare", "extended_filter",
-           "filter", "fit", "forecast", "free", "handling", "model", "p", "shape", "simulate", "smooth", "track", "tune",
+__all__ = ["Car", "Expression", "Finding", "FindingWarning", "Fleet", "FormulaModel", "IdentikalError", "InputError", "LinearModel",
+           "Model", "OnlineFilter", "Parameter", "PopulationParameter", "Recording", "Result", "StoppedWarning", "bound", "check", "compare", "extended_filter",
+           "filter", "fit", "fleet", "forecast", "free", "handling", "model", "p", "shape", "simulate", "smooth", "track", "tune",
            "tune_external", "validate"]
