@@ -21,6 +21,7 @@
 #include "command/memory.h"
 #include "command/option_parser.h"
 #include "command/terminal.h"
+#include "command/time_limit.h"
 #include "command/verbs.h"
 #include "identify/model/templates.h"
 #include "identify/result/export.h"
@@ -40,7 +41,7 @@ const char* const kExitStatus =
     "  2  mistake on the command line, in the model or in the data\n"
     "  3  not converged; the best so far is printed\n"
     "  4  --strict and there are warnings\n"
-    "  5  internal error, or a result could not be written\n"
+    "  5  internal error, a limit of memory or time, or a result could not be written\n"
     "  130, 143  stopped by Ctrl-C or SIGTERM; the best so far is printed and written";
 constexpr int kBySignal = 128;  // as shells count
 
@@ -316,6 +317,11 @@ std::string generated(const CLI::App& app, const std::string& kind) {
                             {"export", "--to", export_formats()}});
 }
 
+bool has_option(const Verb& verb, std::string_view name) {
+  return std::any_of(verb.options.begin(), verb.options.end(),
+                     [&](const Option& option) { return option.names == name; });
+}
+
 bool is_quiet(const Verb& verb) {
   const auto quiet = std::find_if(verb.options.begin(), verb.options.end(),
                                   [](const Option& option) { return option.names == "--quiet"; });
@@ -336,6 +342,10 @@ int run_verb(const Verb& verb, const std::string& command) {
     print(text);
   };
   call.notice = [&](const std::string& text) { remarks.push_back(text); };
+  call.unattended = [](std::int64_t seconds) {
+    end_at_signals();
+    if (seconds > 0) end_after(seconds);
+  };
   if (std::find(std::begin(kSearches), std::end(kSearches), verb.name) != std::end(kSearches)) {
     stop_at_signals();
   }
@@ -358,10 +368,15 @@ std::optional<CommandLine> read_command_line(int argc, char** argv) {
   refuse_unknown_verb(argc, argv);
   std::vector<Verb> verbs = verbs_of(argc, argv);
   std::string memory_limit;
+  std::int64_t time_limit = 0;
   for (Verb& verb : verbs) {
     add_text(verb, "--memory-limit", memory_limit,
              "Use no more memory than this, e.g. 2 GB; what needs more ends with exit code 5.",
              "none");
+    if (!has_option(verb, "--time-limit")) {
+      add_number(verb, "--time-limit", time_limit, 1, 1000000,
+                 "End with exit code 5 and without a result after this many seconds.", "none");
+    }
     add_verb(app, verb);
   }
   // Verbs that are added later would have it too.
@@ -388,13 +403,14 @@ std::optional<CommandLine> read_command_line(int argc, char** argv) {
   const std::string name = name_of(*verb_in(app));
   const auto typed =
       std::find_if(verbs.begin(), verbs.end(), [&](const Verb& verb) { return verb.name == name; });
-  return CommandLine{*typed, memory_limit};
+  return CommandLine{*typed, memory_limit, time_limit};
 }
 
 int run_command_line(int argc, char** argv) {
   const std::optional<CommandLine> typed = read_command_line(argc, argv);
   if (!typed) return 0;
   if (!typed->memory_limit.empty()) limit_memory(typed->memory_limit);
+  if (typed->time_limit > 0) end_after(typed->time_limit);
   return run_verb(typed->verb, as_typed(argc, argv));
 }
 

@@ -32,6 +32,16 @@ void stop_at_signals() {
   }
 }
 
+void end_at_signals() {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    struct sigaction now = {};
+    if (sigaction(signal, nullptr, &now) == 0 && now.sa_handler == note_signal) {
+      std::signal(signal, SIG_DFL);
+    }
+  }
+  if (received != 0) std::raise(received);
+}
+
 int signal_received() { return received; }
 
 }  // namespace identikal

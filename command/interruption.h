@@ -7,6 +7,9 @@ namespace identikal {
 /// at once. A signal that is ignored already stays so.
 void stop_at_signals();
 
+/// From here on they end the program at once again, as one does that has come already.
+void end_at_signals();
+
 /// The signal that has come, or 0.
 int signal_received();
 

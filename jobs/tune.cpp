@@ -138,7 +138,7 @@ const Method& method_of(const TuneOptions& options) {
                        [&](const Method& method) { return method.name == options.method; });
 }
 
-void check_method(const TuneOptions& options, const Model& model) {
+void check_method(const TuneOptions& options, const Model& model, const Call& call) {
   if (method_of(options).linear_only) require_linear(model, "tune --method " + options.method);
   const bool als = options.is_als(), bayes = options.method == "bayes";
   const bool chosen = options.evaluation != kAutomatic;
@@ -157,7 +157,8 @@ void check_method(const TuneOptions& options, const Model& model) {
         Case{options.iterate, als, "--iterate", "--method als or als-weighted"},
         Case{options.min_rank, als, "--min-rank", "--method als or als-weighted"},
         Case{options.draws > 0, bayes, "--draws", "--method bayes"},
-        Case{options.seconds > 0, !als, "--time-limit", "--method ml, auto or bayes"},
+        Case{options.seconds > 0, !als || call.unattended, "--time-limit",
+             "--method ml, auto or bayes"},
         Case{options.search.seed >= 0, !als, "--seed", "--method ml, auto or bayes"},
         Case{options.search.starts > 0, !als && !bayes, "--starts", "--method ml or auto"},
         Case{options.search.iterations > 0, !als && !bayes && !estimates, "--iterations",
@@ -321,8 +322,12 @@ Outcome tune(const TuneOptions& options, Call& call) {
   Run run{"tune", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
-  check_method(options, model);
-  if (options.method != "bayes") limit_time(call, options.seconds);
+  check_method(options, model, call);
+  if (options.is_als()) {
+    if (call.unattended) call.unattended(options.seconds);
+  } else if (options.method != "bayes") {
+    limit_time(call, options.seconds);
+  }
   if (are_digests(options.recordings.files)) {
     run.options.has_page = false;
     return tune_digests(options, run, std::move(model));
@@ -394,8 +399,8 @@ Verb tune_verb() {
   add_number(verb, "--draws", options->draws, 10, 1000000,
              "bayes: Number of draws from the posterior.", "2000");
   add_number(verb, "--time-limit", options->seconds, 1, 1000000,
-             "Stop with the best so far after this many seconds; bayes: without a result, and "
-             "after 300 where it is not given.",
+             "Stop with the best so far after this many seconds; als and bayes: without a result; "
+             "bayes after 300 where it is not given.",
              "none");
   add_flag(verb, "--no-profiles", options->no_profiles,
            "Leave out the intervals of likelihood profiles, which take half of the time "

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -34,6 +35,9 @@ struct Call {
   std::function<bool(const std::string& what, double share, double value)> progress;
   /// From here on progress is reported in vain: the job stops with the best so far.
   std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
+  /// Told that the job does not report progress from here on, and that it is to end after so many
+  /// seconds, if above zero. Empty: nobody can end it.
+  std::function<void(std::int64_t seconds)> unattended;
   bool wants_series = false, wants_page = false;
   bool wants_text = true;                               ///< else a result has no Outcome::text
   std::function<void(const std::string& line)> notice;  ///< takes remarks on how it was called

@@ -1,10 +1,14 @@
 """Limits of memory, time and files: what is beyond them ends in one line, with what is known by then."""
 import json
+import signal
+import subprocess
 import time
 import unittest
 
 from interruption_test import long_search
-from program import NILE, Folder, run
+from program import NILE, PROGRAM, ROOT, Folder, run
+
+SYSTEM_7 = ROOT / "examples/system7.yaml"
 
 
 class TestMemory(unittest.TestCase):
@@ -35,8 +39,36 @@ class TestTime(unittest.TestCase):
             self.assertEqual(out["status"]["code"], "not_converged")
             self.assertGreater(out["parameters"][0]["value"], 0.01)  # from 0.001 on
 
-    def test_not_of_what_does_not_ask(self):
-        self.assertIn("--time-limit does not apply to --method als", run("tune", *NILE, "--method", "als", "--time-limit", "2", code=2).stderr)
+    def test_the_end_of_what_does_not_ask(self):
+        over = "identikal: the time limit is over and there is no result yet; expected less data, or more time (--time-limit)\n"
+        with Folder() as folder:
+            run("simulate", SYSTEM_7, "-n", "20000", "-o", folder.path / "data")
+            als = ["tune", SYSTEM_7, folder.path / "data/simulated.csv", "--method", "als", "--full-matrix", "--lags", "1000"]
+            for job in (als, ["study", "matisko-table-1", "--runs", "100000"]):
+                begin = time.monotonic()
+                done = run(*job, "--time-limit", "1", "-o", folder.path / "out", code=5)
+                self.assertLess(time.monotonic() - begin, 4)
+                self.assertEqual(done.stderr.replace("\r", ""), over)
+                self.assertFalse((folder.path / "out").exists())
+
+    def test_time_enough_changes_nothing(self):
+        for job in (["check", *NILE], ["tune", *NILE, "--method", "als"], ["bound", *NILE]):
+            code = 1 if job[0] == "check" else 0
+            self.assertEqual(run(*job, code=code).stdout, run(*job, "--time-limit", "1000", code=code).stdout)
+
+    def test_a_signal_ends_als(self):
+        """It does not ask whether to stop: the first signal ends it."""
+        with Folder() as folder:
+            run("simulate", SYSTEM_7, "-n", "20000", "-o", folder.path / "data")
+            job = subprocess.Popen([PROGRAM, "tune", SYSTEM_7, folder.path / "data/simulated.csv", "--method", "als-weighted", "--lags", "1000",
+                                    "-o", folder.path / "out"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            time.sleep(1.0)
+            begin = time.monotonic()
+            job.send_signal(signal.SIGINT)
+            job.communicate(timeout=30)
+            self.assertEqual(job.returncode, -signal.SIGINT)
+            self.assertLess(time.monotonic() - begin, 2)
+            self.assertFalse((folder.path / "out").exists())
 
 
 class TestIncludedFiles(unittest.TestCase):
