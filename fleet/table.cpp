@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include "lib/data/csv_cell.h"
+#include "identify/result/csv.h"
 
 namespace identikal {
 namespace {

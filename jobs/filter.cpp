@@ -4,10 +4,13 @@
 #include <sstream>
 #include <utility>
 
+#include "jobs/quantity.h"
 #include "jobs/run.h"
 #include "jobs/verbs.h"
+#include <fmt/format.h>
 
 #include "identify/filter/model_filter.h"
+#include "identify/filter/observation_weights.h"
 #include "identify/filter/run.h"
 #include "identify/filter/smoothed_noise.h"
 #include "lib/base/error.h"
@@ -23,6 +26,7 @@ struct FilterOptions {
   std::int64_t lag = -1;  // below 0: none
   std::int64_t skip_first = 0;
   std::int64_t trajectories = 0, seed = -1;
+  std::string weights;  // the time of a row
 };
 
 // States alone, for a program that reads standard input; warnings go where they disturb nobody.
@@ -69,9 +73,25 @@ void check_options(const FilterOptions& given) {
     throw InputError({}, "--trajectories alone", "--smooth and -o FOLDER with it",
                      "they are drawn given the whole recording, and written to trajectories.csv");
   }
+  if (!given.weights.empty() && given.result.folder.empty()) {
+    throw InputError({}, "--weights alone", "-o FOLDER with it", "they are written to weights.csv");
+  }
   if (given.seed >= 0 && given.trajectories == 0) {
     throw InputError({}, "--seed does not apply", "--trajectories N with it");
   }
+}
+
+// The row nearest to a time after the first row.
+Eigen::Index row_at(const std::string& text, const Dataset& data) {
+  const double after = quantity("--weights", text, "s");
+  const double longest = data.time[data.size() - 1] - data.time[0];
+  if (!(after >= 0.0 && after <= longest + data.dt)) {
+    throw InputError({data.name, 0, 0}, "--weights " + text,
+                     fmt::format("0 to {:.6g} s after the first row", longest));
+  }
+  Eigen::Index row = 0;
+  (data.time.array() - data.time[0] - after).abs().minCoeff(&row);
+  return row;
 }
 
 using Write = std::function<void(std::ostream&)>;
@@ -95,6 +115,18 @@ std::vector<ResultFile> files_of(const FilterOptions& given, const Model& model,
   if (given.smooth && !model.student && has_disturbance_smoother(model)) {
     out.push_back(file_of("disturbances.csv", [&](std::ostream& to) {
       write_disturbances_csv(to, model, recordings);
+    }));
+  }
+  if (!given.weights.empty()) {
+    if (recordings.size() > 1) {
+      throw InputError({}, "--weights of several recordings", "one recording");
+    }
+    std::optional<Eigen::Index> lag = given.lag >= 0 ? given.lag : 0;
+    if (given.smooth) lag.reset();
+    const ObservationWeights weights =
+        observation_weights(model, recordings[0], row_at(given.weights, recordings[0]), lag);
+    out.push_back(file_of("weights.csv", [&](std::ostream& to) {
+      write_weights_csv(to, model, recordings[0], weights);
     }));
   }
   if (given.trajectories > 0) {
@@ -153,6 +185,10 @@ Verb filter_verb() {
              "Estimate each state from what was recorded up to this many samples later.");
   add_number(verb, "--skip-first", options->skip_first, 0, 1000000,
              "Leave this many rows of every recording out of the log-likelihood, given them.");
+  add_text(verb, "--weights", options->weights,
+           "With -o: say how much each measured sample counts for the states at this time after "
+           "the first "
+           "row, e.g. 10s.");
   add_number(
       verb, "--trajectories", options->trajectories, 1, 100000,
       "With --smooth and -o: draw so many trajectories of the states, given the whole recording.");

@@ -11,6 +11,7 @@
 #include "identify/model/own_parameters.h"
 #include "identify/model/parameter_prior.h"
 #include "lib/base/constants.h"
+#include "lib/model/partly_diffuse.h"
 
 namespace identikal {
 namespace {
@@ -171,8 +172,7 @@ void RecordingsLikelihood::condition_on_beginning() {
   for (const auto& part : parts_) part->likelihood.condition_on_beginning();
   if (!parts_.empty() || !is_stationary() || !first_outputs_.empty()) return;
   const LinearModel& linear = as_linear(model_);
-  if (linear.initial != InitialState::diffuse) return;
-  if (is_known(linear.A, model_.parameters) && is_known(linear.C, model_.parameters)) return;
+  if (diffuse_states_move_as_known(linear, model_.parameters)) return;
   const LeadingSamples leading = leading_samples(model_, model_.parameters, recordings_);
   if (leading.log_likelihood.size() == 0) return;
   for (std::size_t i = 0; i < recordings_.size(); ++i) {

@@ -46,7 +46,7 @@ class RecordingsLikelihood {
   ///
   ///   log p(y(k+1), ... | y(1), ..., y(k))
   ///
-  /// where the start is diffuse and A or C hold free parameters; k samples of every recording
+  /// where A or C hold free parameters that multiply states which start diffuse; k samples of every recording
   /// determine the start, at the model's own values. The diffuse likelihood compares no such models:
   /// it rises without limit where two states become one to the outputs, as at a pole of a shaping
   /// filter that comes to lie on one of the system's. Else nothing changes.

@@ -7,7 +7,12 @@
 
 namespace identikal {
 
-/// Heading of a CSV column, "name [unit]", in quotes where a comma or a quote would end it.
+/// The text as a cell, in quotes where it would be taken for several cells or a comment (RFC 4180).
+std::string csv_cell(const std::string& text);
+/// The number with all its digits; nothing where it is not finite.
+std::string csv_cell(double value);
+
+/// Heading of a CSV column, "name [unit]".
 std::string csv_heading(const std::string& name, const std::string& unit);
 
 /// Measured, predicted and standardised residual of every channel as CSV, in the user's units.

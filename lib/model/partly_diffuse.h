@@ -28,4 +28,8 @@ namespace identikal {
 void set_partly_diffuse_start(const LinearModel& of, StateSpace& model,
                               std::vector<StateSpace>* derivatives);
 
+/// Holds no column of A or C a free parameter that multiplies a state which starts diffuse? Then the
+/// diffuse likelihoods of such models can be compared.
+bool diffuse_states_move_as_known(const LinearModel& model, const ParameterSet& parameters);
+
 }  // namespace identikal

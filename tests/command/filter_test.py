@@ -181,5 +181,27 @@ noise: {measurement: {variance: {a: 2, b: 3}}}
                 self.assertIn(word, done.stderr)
 
 
+class TestWeights(unittest.TestCase):
+    def test_of_the_nile(self):
+        with Folder() as folder:
+            run("filter", *NILE, "--smooth", "--weights", "50s", "-o", folder.path / "out")
+            lines = (folder.path / "out/weights.csv").read_text().splitlines()
+            self.assertEqual(lines[0], "time [s],level by level")
+            weights = [float(line.split(",")[1]) for line in lines[1:]]
+            self.assertEqual(len(weights), 100)
+            self.assertAlmostEqual(sum(weights), 1.0, 9)
+            self.assertEqual(max(weights), weights[50])
+            self.assertAlmostEqual(weights[49], weights[51], 6)
+
+    def test_mistakes(self):
+        with Folder() as folder:
+            for more, said in ((["--weights", "50s"], "--weights alone; expected -o FOLDER"),
+                               (["--weights", "500s", "-o", folder.path / "out"], "--weights 500s; expected 0 to 99 s after the first row"),
+                               (["--weights", "0s", "-o", folder.path / "out"], None),
+                               (["--weights", "much", "-o", folder.path / "out"], "--weights 'much'")):
+                done = run("filter", *NILE, *more, code=0 if said is None else 2)
+                self.assertIn(said or "", done.stderr)
+
+
 if __name__ == "__main__":
     unittest.main(verbosity=2)

@@ -91,6 +91,52 @@ TEST(RecordingsLikelihood, APoleThatComesToLieOnAnotherGainsNothing) {
   EXPECT_LT(gain(behind), 0.0);
 }
 
+// A level that starts diffuse and a known error that fades, seen by a free gain; the third state stationary.
+Model partly_diffuse(bool free_gain) {
+  Model out = linear_model()
+                  .A({{1, 0, 0}, {0, 0.5, 0}, {0, 0, 0}})
+                  .C({{1, 0, 1}})
+                  .process_noise(variances({{"q", 0.2}, {"s", 0.5}, {"w", 0.3}}))
+                  .measurement_noise(variance("r", 1.0))
+                  .diffuse();
+  LinearModel& linear = as_linear(out);
+  linear.initial = InitialState::partly_diffuse;
+  linear.stationary = {2};
+  for (const char* name : {"phi", "gain"}) {
+    Parameter p;
+    p.name = name;
+    p.value = MatrixXd::Constant(1, 1, 0.6);
+    p.fixed = name[0] == 'g' && !free_gain;
+    out.parameters.push_back(p);
+  }
+  const int last = static_cast<int>(out.parameters.size()) - 1;
+  linear.A.entries = {{2, 2, last - 1, 1.0}};
+  linear.C.entries = {{0, 1, last, 1.0}};
+  return out;
+}
+
+TEST(RecordingsLikelihood, OfAPartlyDiffuseStartItIsConditionalWhereItsStatesMoveByFreeParameters) {
+  const Model model = partly_diffuse(true);
+  const std::vector<Dataset> recordings = two_recordings(model);
+  RecordingsLikelihood likelihood(model, recordings);
+  likelihood.condition_on_beginning();
+  const StateSpace m = instantiate(as_linear(model), model.parameters);
+  double behind = 0.0;
+  for (const Dataset& data : recordings) {
+    behind +=
+        log_likelihood(m, InitialState::partly_diffuse, data.y, data.u).value -
+        log_likelihood(m, InitialState::partly_diffuse, data.y.leftCols(2), data.u.leftCols(2))
+            .value;
+  }
+  EXPECT_NEAR(likelihood.evaluate(model.parameters, false)->value, behind, 1e-9);
+  // The stationary state's alone is no reason.
+  const Model other = partly_diffuse(false);
+  RecordingsLikelihood whole(other, recordings);
+  const double before = whole.evaluate(other.parameters, false)->value;
+  whole.condition_on_beginning();
+  EXPECT_EQ(whole.evaluate(other.parameters, false)->value, before);
+}
+
 TEST(RecordingsLikelihood, OfKnownDynamicsItStays) {
   Model model = level_with_error(0.6);
   model.parameters.back().fixed = true;
