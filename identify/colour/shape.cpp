@@ -198,7 +198,7 @@ const Dataset& longest_recording(const Model& model, const std::vector<Dataset>&
     throw InputError(
         {model.source, 0, 0},
         "no shaping filter can be put into this model: " + shaping_fault(model, source),
-        "a model whose dynamics are known, 'initial: stationary' or 'diffuse'");
+        "a model whose dynamics are known, and a start that is not given as a whole");
   }
   constexpr Index kFewest = 64;  // samples that make a spectrum
   const Dataset& longest = longest_of(recordings);
@@ -213,9 +213,10 @@ const Dataset& longest_recording(const Model& model, const std::vector<Dataset>&
   return longest;
 }
 
-// Samples that determine any shaped model's diffuse start: twice the states of the largest.
+// Samples that determine any shaped model's start where some states start diffuse: twice the states of the
+// largest.
 Index undetermined_beginning(const LinearModel& model, int most_order) {
-  if (model.initial != InitialState::diffuse) return 0;
+  if (model.initial == InitialState::stationary) return 0;
   const Index channels = std::max(model.G.constant.cols(), model.C.constant.rows());
   return 2 * (model.A.constant.rows() + most_order * channels);
 }

@@ -142,14 +142,25 @@ std::string shaping_fault(const Model& model, NoiseSource source) {
   if (m.initial == InitialState::given) {
     return "the initial state is given; say 'stationary' or 'diffuse'";
   }
-  if (m.initial == InitialState::partly_diffuse) {
-    return "some states start diffuse and others do not; say 'stationary' or 'diffuse'";
-  }
   if (source == NoiseSource::measurement && is_full(m.Q, model.parameters)) {
     return "Q is a full matrix; coloured measurement noise needs one without correlations";
   }
   return "";
 }
+
+namespace {
+
+// The states of the filters, which come first, start in their steady state, the others as they did.
+void shift_start(LinearModel& model, Index filters) {
+  if (model.initial != InitialState::partly_diffuse) return;
+  std::vector<Index> stationary;
+  for (Index i = 0; i < filters; ++i) stationary.push_back(i);
+  for (const Index state : model.stationary) stationary.push_back(state + filters);
+  model.stationary = stationary;
+  for (LinearModel::StartOfState& each : model.known) each.state += filters;
+}
+
+}  // namespace
 
 Model with_shaping_filters(const Model& model, NoiseSource source,
                            const std::vector<ShapedChannel>& channels) {
@@ -174,6 +185,7 @@ Model with_shaping_filters(const Model& model, NoiseSource source,
     m.Q = placed(base.Q, nw + extra, nw + extra, 0, 0);
     m.S = placed(base.S, nw + extra, ny, 0, 0);
   }
+  shift_start(m, nf);
   Index f = 0;  // first state of the filter
   for (std::size_t c = 0; c < channels.size(); ++c) {
     const ShapedChannel& shaped = channels[c];
@@ -300,6 +312,25 @@ std::string matrix_text(const std::string& name, const ParametrisedMatrix& matri
   return out;
 }
 
+// States have no names here: x1, x2, ...
+std::string initial_text(const LinearModel& model) {
+  if (model.initial == InitialState::diffuse) return "initial: diffuse\n";
+  if (model.initial != InitialState::partly_diffuse) return "initial: stationary\n";
+  std::vector<std::string> starts(static_cast<std::size_t>(model.A.constant.rows()), "diffuse");
+  for (const Index state : model.stationary) {
+    starts[static_cast<std::size_t>(state)] = "stationary";
+  }
+  for (const LinearModel::StartOfState& each : model.known) {
+    starts[static_cast<std::size_t>(each.state)] =
+        fmt::format("{{mean: {}, sd: {}}}", number_text(each.mean), number_text(each.sd));
+  }
+  std::string out;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    out += fmt::format("{}x{}: {}", i > 0 ? ", " : "", i + 1, starts[i]);
+  }
+  return "initial: {" + out + "}\n";
+}
+
 std::string channels_text(const char* key, const std::vector<ChannelSource>& channels) {
   if (channels.empty()) return "";
   std::string out = fmt::format("{}: [", key);
@@ -358,8 +389,7 @@ std::string model_text(const Model& model, const std::vector<std::string>& comme
   if (!m.S.constant.isZero(0.0) || !m.S.entries.empty()) {
     out += matrix_text("S", m.S, model.parameters);
   }
-  out +=
-      fmt::format("initial: {}\n", m.initial == InitialState::diffuse ? "diffuse" : "stationary");
+  out += initial_text(m);
   out += channels_text("inputs", model.inputs) + channels_text("outputs", model.outputs);
   return out;
 }

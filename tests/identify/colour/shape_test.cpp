@@ -187,6 +187,68 @@ TEST(Shape, AContinuousModelTakesAFilter) {
   }
 }
 
+// The trolley's place is not known, its speed is in its steady state.
+Model trolley_of_unknown_place() {
+  Model out = sampled_model(trolley().process_noise(variance("q", 0.8)));
+  as_linear(out).initial = InitialState::partly_diffuse;
+  as_linear(out).stationary = {1};
+  out.time.step = 0.2;
+  return out;
+}
+
+TEST(ShapedModel, EveryStateStartsAsItDidAndFiltersInTheirSteadyState) {
+  Model base = trolley_of_unknown_place();
+  ChannelSource place, force;
+  place.name = place.column = "place";
+  force.name = force.column = "force";
+  base.outputs = {place};
+  base.inputs = {force};
+  const ShapingFilter filter{Eigen::Vector2d(-0.6, 0.3), VectorXd::Constant(1, 0.125)};
+  for (const NoiseSource source : {NoiseSource::process, NoiseSource::measurement}) {
+    const Model shaped = with_shaping_filters(base, source, {{0, filter, 0.5}});
+    const Model back = parse_model_file(model_text(shaped, {}), "shaped.yaml");
+    EXPECT_EQ(as_linear(shaped).stationary, (std::vector<Index>{0, 1, 3}));
+    EXPECT_EQ(as_linear(back).stationary, as_linear(shaped).stationary);
+    const StateSpace a = instantiate(as_linear(shaped), shaped.parameters);
+    const StateSpace b = instantiate(as_linear(back), back.parameters);
+    EXPECT_TRUE(std::isinf(a.P0(2, 2)));
+    const std::vector<Index> known = {0, 1, 3};
+    EXPECT_LT((a.P0(known, known) - b.P0(known, known)).norm(), 1e-10);
+    const MatrixXd moved =
+        a.A * MatrixXd(a.P0.array().isInf().select(0.0, a.P0)) * a.A.transpose() +
+        a.G * a.Q * a.G.transpose();
+    EXPECT_LT((moved(known, known) - a.P0(known, known)).norm(), 1e-10);
+  }
+}
+
+TEST(Shape, AStartThatIsPartlyDiffuseTakesAFilter) {
+  const Model model = trolley_of_unknown_place();
+  StateSpace m = instantiate(as_linear(model), model.parameters);
+  Random random(4);
+  const MatrixXd L = semidefinite_factor(m.Q);
+  constexpr Index kSamples = 3000;
+  constexpr double kPole = 0.8;
+  MatrixXd y(1, kSamples), u(1, kSamples);
+  VectorXd x = Eigen::Vector2d(100.0, 0.0);
+  double error = 0.0;
+  for (Index t = 0; t < kSamples; ++t) {
+    u(0, t) = random.normal();
+    error = kPole * error + std::sqrt(0.5 * (1.0 - kPole * kPole)) * random.normal();
+    y(0, t) = x[0] + error + std::sqrt(0.3) * random.normal();
+    x = m.A * x + m.B * u.col(t) + L * random.normal(2);
+  }
+  ShapeOptions options;
+  options.source = NoiseSource::measurement;
+  const ShapeResult found = shape(model, {recording(model, y, 0.2, u)}, options);
+  ASSERT_TRUE(found.model.has_value()) << found.estimate.message;
+  EXPECT_EQ(found.estimate.status, Status::ok) << found.estimate.message;
+  for (const EstimatedParameter& p : found.estimate.parameters) {
+    if (p.name == "v1_a1") {
+      EXPECT_NEAR(p.value, -kPole, 3.0 * p.se);
+    }
+  }
+}
+
 TEST(ShapedModel, ItsNamesAreNobodyElses) {
   Model base = model_of(oscillating_system(), 1.0, 1.0);
   base.name = "it's \"5.17\"";
