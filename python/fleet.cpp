@@ -8,7 +8,6 @@
 #include "fleet/table.h"
 #include "interface/recording_table.h"
 #include "python/given_recording.h"
-#include <fmt/format.h>
 #include <pybind11/stl.h>
 
 #include "identify/model/model_file.h"
@@ -35,7 +34,8 @@ std::string fleet_text(const std::string& path, const std::string& what) {
   if (what == "population") return population_json(population_of(store));
   if (what == "page") return fleet_page(store, population_of(store));
   const FleetCounts counts = store.counts();
-  return fmt::format("{{\"recordings\": {}, \"done\": {}}}", counts.jobs, counts.done);
+  return "{\"recordings\": " + std::to_string(counts.jobs) +
+         ", \"done\": " + std::to_string(counts.done) + "}";
 }
 
 /// @param text, path  the model's, one of them empty

@@ -67,7 +67,9 @@ const Likelihood& ChangingRecordings::evaluate(const ParameterSet& at, bool with
     sampled_[i].set_parameters(at, with_derivatives);
     const ModelAt model = model_at(sampled_[i], recordings_[i].noise_scale);
     const MatrixXd& y = recordings_[i].y;
-    const Likelihood one = log_likelihood(model, initial, y, inputs_[i], with_derivatives);
+    const bool scaled = recordings_[i].noise_scale.size() > 0;  // S too
+    const Likelihood one = log_likelihood(model, initial, y, inputs_[i], with_derivatives,
+                                          scaled || sampled_[i].motion_changes());
     sum_.status = one.status;
     if (one.status != FilterStatus::ok) return sum_;
     sum_.value += one.value;

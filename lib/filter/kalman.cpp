@@ -1,6 +1,7 @@
 #include "lib/filter/kalman.h"
 
 #include <cmath>
+#include <utility>
 
 #include "lib/filter/internal/recursion.h"
 #include "lib/filter/internal/tangent_filter.h"
@@ -21,6 +22,13 @@ FilterResult run(Recursion& recursion, Index n, const Eigen::Ref<const MatrixXd>
   return out;
 }
 
+Likelihood finite(Likelihood out) {
+  if (out.status == FilterStatus::ok && !std::isfinite(out.value)) {
+    out.status = FilterStatus::not_finite;
+  }
+  return out;
+}
+
 // Innovations alone, or the products of scores: what needs no states goes without allocation.
 Likelihood run_tangents(const StateSpace& model, InitialState initial, const MatrixXd& y,
                         const MatrixXd& u, const std::vector<StateSpace>& derivatives,
@@ -33,10 +41,7 @@ Likelihood run_tangents(const StateSpace& model, InitialState initial, const Mat
   TangentFilter filter;
   filter.prepare(model, derivatives);
   out.status = filter.run({y, u, presence, {}, nullptr, store, score_products}, initial, out);
-  if (out.status == FilterStatus::ok && !std::isfinite(out.value)) {
-    out.status = FilterStatus::not_finite;
-  }
-  return out;
+  return finite(std::move(out));
 }
 
 }  // namespace
@@ -83,9 +88,21 @@ Likelihood run_changing(const ModelAt& model, InitialState initial,
 
 Likelihood log_likelihood(const ModelAt& model, InitialState initial,
                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
-                          bool with_derivatives) {
-  RecursionOptions options;
-  return run_changing(model, initial, y, u, with_derivatives, options);
+                          bool with_derivatives, bool motion_changes) {
+  const MatrixXd outputs = y, inputs = u;
+  const Presence presence = find_presence(outputs);
+  Likelihood out;
+  StateSpace first;
+  std::vector<StateSpace> derivatives;
+  model(0, first, with_derivatives ? &derivatives : nullptr);
+  check_shapes(first, initial, derivatives);
+  check_sizes(first, y, u);
+  out.gradient.setZero(static_cast<Index>(derivatives.size()));
+  out.information.setZero(out.gradient.size(), out.gradient.size());
+  TangentFilter filter;
+  out.status = filter.run_changing({model, with_derivatives, motion_changes},
+                                   {outputs, inputs, presence, {}}, initial, out);
+  return finite(std::move(out));
 }
 
 Likelihood watch_filtered_states(const ModelAt& model, InitialState initial,

@@ -57,10 +57,13 @@ Likelihood log_likelihood(const StateSpace& model, InitialState initial,
                           const Eigen::Ref<const Eigen::MatrixXd>& u,
                           const std::vector<StateSpace>& derivatives = {});
 
-/// The same for a time-varying model: the full recursion at every sample.
+/// The same for a time-varying model, all derivatives side by side.
+/// @param motion_changes  false: A, B, G, Q and S, and their derivatives, are those of t = 0 at every
+///   sample, and only what is measured changes. That takes less time.
 Likelihood log_likelihood(const ModelAt& model, InitialState initial,
                           const Eigen::Ref<const Eigen::MatrixXd>& y,
-                          const Eigen::Ref<const Eigen::MatrixXd>& u, bool with_derivatives);
+                          const Eigen::Ref<const Eigen::MatrixXd>& u, bool with_derivatives,
+                          bool motion_changes = true);
 
 /// Runs the filter and shows its state at every sample, with exact derivatives: the same forward
 /// sensitivities, behind the measurement,

@@ -149,6 +149,14 @@ struct SampledModel::Parts {
     }
   }
 
+  // Of another sample: matrices that hold neither inputs nor time have been written.
+  void write_moving() {
+    set_moving(model, parameters, *formulas, written);
+    for (std::size_t i = 0; i < by.size(); ++i) {
+      set_moving_derivative(model, parameters, *formulas, by[i], written_derivatives[i]);
+    }
+  }
+
   // Worth it where a density is estimated and the motion is not: nothing but sums is left.
   void find_known_motion() {
     constexpr double kMostNumbers = 2e7;
@@ -184,7 +192,7 @@ struct SampledModel::Parts {
       if (u.rows() > 0) here.inputs = u.col(t);
       here.time = time[t];
       formulas->move_to(here);
-      write();
+      write_moving();
     }
     if (!model.continuous) {
       out = written;
@@ -260,6 +268,10 @@ SampledModel::SampledModel(SampledModel&&) noexcept = default;
 
 void SampledModel::set_parameters(const ParameterSet& parameters, bool with_derivatives) {
   parts_->set(parameters, with_derivatives);
+}
+
+bool SampledModel::motion_changes() const {
+  return parts_->motion_moves || moves(parts_->model.S) || parts_->steps.size() > 1;
 }
 
 void SampledModel::at(Index t, StateSpace& out, std::vector<StateSpace>* derivatives) {

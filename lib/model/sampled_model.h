@@ -39,6 +39,9 @@ class SampledModel {
 
   void set_parameters(const ParameterSet& parameters, bool with_derivatives);
 
+  /// Do A, B, G, Q or S differ between samples?
+  bool motion_changes() const;
+
   /// The model of sample t, 0-based, and, unless null, its derivatives by the free entries, in the
   /// order of free_entries().
   /// @throws std::invalid_argument when derivatives were not asked for in set_parameters()

@@ -185,10 +185,13 @@ def fleet(verb, model, recordings, store=None, *, progress=None, **options):
         folder = tempfile.TemporaryDirectory(prefix="identikal-fleet-")
         store = os.path.join(folder.name, "fleet.store")
     store = os.fspath(store)
-    os.makedirs(os.path.dirname(os.path.abspath(store)), exist_ok=True)
-    text_of_model, path_of_model, said = _model_file(verb, model, store)
-    manifest = _manifest(recordings, store, text_of_model, path_of_model)
     words = _words(options)
+    try:
+        os.makedirs(os.path.dirname(os.path.abspath(store)), exist_ok=True)
+        text_of_model, path_of_model, said = _model_file(verb, model, store)
+        manifest = _manifest(recordings, store, text_of_model, path_of_model)
+    except OSError as error:
+        raise IdentikalError(f"{error.filename}: {error.strerror}") from None
     _work(["fleet", verb, said, manifest, "-o", store, *words], store, progress)
     out = Fleet(store)
     out._folder = folder
@@ -298,16 +301,21 @@ def _work(words, store, progress):
         process = subprocess.Popen([sys.executable, "-m", "identikal", *words, "--quiet"], stdin=subprocess.DEVNULL, stdout=said,
                                    stderr=wrong, env=environment, start_new_session=True)
         stopped = _wait(process, store, shown)
-        wrong.seek(0)
-        message = wrong.read().decode(errors="replace").strip()
-        said.seek(0)
-        if "--dry-run" in words:
-            print(said.read().decode(errors="replace"), end="")
+        text, remarks = _text_of(said), _text_of(wrong)
+    if "--dry-run" in words:
+        print(text, end="")
     if stopped:
         warnings.warn("stopped; the store has what is done, and resume() goes on", StoppedWarning, stacklevel=4)
-    elif process.returncode < 0 or process.returncode in (2, 5) and message:
-        message = re.sub(r"^identikal: ", "", message.splitlines()[-1] if message else "ended by a signal")
+    elif process.returncode < 0:
+        raise IdentikalError(f"the fleet was ended by signal {-process.returncode}; the store has what is done")
+    elif process.returncode in (2, 5) and not text:  # exit status 2 beside a summary: no recording has a result
+        message = re.sub(r"^identikal: ", "", (remarks.splitlines() or ["no message"])[-1])
         raise (InputError if process.returncode == 2 else IdentikalError)(message)
+
+
+def _text_of(file):
+    file.seek(0)
+    return file.read().decode(errors="replace")
 
 
 def _wait(process, store, shown):

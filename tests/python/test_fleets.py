@@ -170,6 +170,18 @@ def test_mistakes_are_one_line(level, tmp_path, given, message):
     assert "\n" not in str(mistake.value)
 
 
+def test_none_that_can_be_done_is_a_fleet_of_failures(level, tmp_path):
+    fleet = ik.fleet("tune", level, {"a": np.full(30, np.nan), "b": np.zeros(30)}, tmp_path / "f.store", retries=0)
+    assert fleet.complete and fleet.statuses == {"failed": 2} and len(fleet.failed) == 2
+    assert fleet.population() == {}
+
+
+def test_a_store_that_cannot_be_written(level, records, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ik.IdentikalError, match="file"):
+        ik.fleet("tune", level, records, tmp_path / "file" / "x.store")
+
+
 def test_options_are_those_of_the_command_line(level, records, tmp_path):
     with pytest.raises(ik.InputError, match="startz"):
         ik.fleet("tune", level, records, tmp_path / "x.store", startz=3)

@@ -59,6 +59,15 @@ void check_shapes(const StateSpace& model, InitialState initial,
   }
 }
 
+void check_sizes(const StateSpace& model, const Eigen::Ref<const MatrixXd>& y,
+                 const Eigen::Ref<const MatrixXd>& u) {
+  require_argument(
+      y.rows() == model.outputs() && u.rows() == model.inputs() &&
+          (model.inputs() == 0 || u.cols() == y.cols()),
+      {"kalman filter: y is ", y.rows(), " x ", y.cols(), " and u ", u.rows(), " x ", u.cols(),
+       ", the model has ", model.outputs(), " outputs and ", model.inputs(), " inputs"});
+}
+
 // ---- The start
 
 Recursion::Recursion(const StateSpace& model, InitialState initial,
@@ -66,11 +75,7 @@ Recursion::Recursion(const StateSpace& model, InitialState initial,
                      const std::vector<StateSpace>& derivatives)
     : model_(model), y_(y), u_(u), sensitivities_(derivatives.size()) {
   check_shapes(model, initial, derivatives);
-  require_argument(
-      y.rows() == model.outputs() && u.rows() == model.inputs() &&
-          (model.inputs() == 0 || u.cols() == y.cols()),
-      {"kalman filter: y is ", y.rows(), " x ", y.cols(), " and u ", u.rows(), " x ", u.cols(),
-       ", the model has ", model.outputs(), " outputs and ", model.inputs(), " inputs"});
+  check_sizes(model, y, u);
   take_model(derivatives);
   const Index n = model_.states();
   P_ = MatrixXd::Zero(n, n);

@@ -34,6 +34,10 @@ struct RecursionOptions {
 void check_shapes(const StateSpace& model, InitialState initial,
                   const std::vector<StateSpace>& derivatives);
 
+/// @throws std::invalid_argument for outputs and inputs that are not the model's, or of other lengths
+void check_sizes(const StateSpace& model, const Eigen::Ref<const Eigen::MatrixXd>& y,
+                 const Eigen::Ref<const Eigen::MatrixXd>& u);
+
 /// One sample as the recursion sees it. Under a diffuse start, x(1) = proper part + delta, matrices
 /// of states have 1 + n columns: the value at delta = 0 and the responses to delta; one column
 /// otherwise, and as soon as nothing of delta is left in the state. Covariances are given delta.

@@ -85,12 +85,14 @@ bool TangentFilter::is_quick_from_stationary(const StateSpace& model, InitialSta
 }
 
 void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpace>& derivatives) {
+  changing_ = false;
   model_ = &model;
   derivatives_ = &derivatives;
   n_ = model.states(), ny_ = model.outputs(), nu_ = model.inputs();
   lanes_ = static_cast<std::size_t>(simd::tangent_lanes(static_cast<int>(derivatives.size())));
   blocks_ = derivatives.size() / lanes_ + 1;
   find_structure();
+  fill_A();
   fill_common();
   for (Pattern& p : patterns_) {
     p.ready = false;
@@ -98,22 +100,31 @@ void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpac
   }
 }
 
-// Entries of F = A - K C: where A has one, and all of the columns that an output sees.
+// Entries of F = A - K C: where A has one, and all of the columns that an output sees. Of a model that
+// changes, all.
 void TangentFilter::find_structure() {
+  const bool sparse = n_ > kUnrolled && !changing_;
   row_.assign(1, 0);
   column_.clear();
-  A_.clear();
   for (Index i = 0; i < n_; ++i) {
     for (Index j = 0; j < n_; ++j) {
-      if (n_ > kUnrolled && model_->A(i, j) == 0.0 && model_->C.col(j).isZero(0.0)) continue;
+      if (sparse && model_->A(i, j) == 0.0 && model_->C.col(j).isZero(0.0)) continue;
       column_.push_back(static_cast<int>(j));
-      A_.push_back(model_->A(i, j));
     }
     if (row_.back() == static_cast<int>(column_.size())) {  // a row has one at least
       column_.push_back(static_cast<int>(i));
-      A_.push_back(0.0);
     }
     row_.push_back(static_cast<int>(column_.size()));
+  }
+}
+
+void TangentFilter::fill_A() {
+  A_.clear();
+  for (Index i = 0; i < n_; ++i) {
+    for (int at = row_[static_cast<std::size_t>(i)]; at < row_[static_cast<std::size_t>(i) + 1];
+         ++at) {
+      A_.push_back(model_->A(i, column_[static_cast<std::size_t>(at)]));
+    }
   }
 }
 
@@ -202,6 +213,7 @@ void TangentFilter::reserve() {
   const std::size_t all = lanes_ * blocks_, d = static_cast<std::size_t>(scale_.size());
   const std::size_t columns = 1 + d;
   const std::size_t white = m * (m + 1) / 2 + m, entries = column_.size();
+  const bool moves = dynamics_ || changing_;
   std::size_t used = 0;
   const auto lay_out = [&](double*& to, std::size_t size) {
     if (!memory_.empty()) to = memory_.data() + used;
@@ -222,8 +234,8 @@ void TangentFilter::reserve() {
     lay_out(r.L_inverse, m * m);
     lay_out(r.Sigma_inverse, m * m);
     lay_out(r.Sie, m);
-    lay_out(r.dC_PF, dynamics_ ? m * n * lanes_ : 0);
-    lay_out(r.dC_PC, dynamics_ ? m * m * lanes_ : 0);
+    lay_out(r.dC_PF, moves ? m * n * lanes_ : 0);
+    lay_out(r.dC_PC, moves ? m * m * lanes_ : 0);
     lay_out(r.work, m * m + m * m * lanes_);
     simd::TangentRun::Stationary& s = r.stationary;
     for (double** each : {&s.Y, &s.next_Y, &s.N, &s.YH}) lay_out(*each, n * m * all);
@@ -432,7 +444,7 @@ simd::TangentEnd TangentFilter::step(const Pattern& p, const TangentRecording& r
   const bool complete = p.model.m == static_cast<int>(ny_) && ny_ > 0;
   const simd::TangentEnd how =
       simd::run_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
-                         recording.u.data(), at, end, complete && !diffuse_);
+                         recording.u.data(), at, end, complete && !diffuse_ && !changing_);
   t = at;
   samples_ += (t - before) * p.model.m;
   return how;

@@ -44,6 +44,16 @@ class TangentFilter {
   /// the status is ok.
   FilterStatus run(const TangentRecording& recording, InitialState initial, Likelihood& out);
 
+  /// A model that is another one at every sample.
+  struct Changing {
+    const ModelAt& model;
+    bool with_derivatives = false;
+    bool motion_changes = true;  ///< A, B, G, Q or S, or their derivatives
+  };
+  /// run() of it. `recording` has no kernel, store or score products.
+  FilterStatus run_changing(const Changing& changing, const TangentRecording& recording,
+                            InitialState initial, Likelihood& out);
+
   // The same in steps, for who goes back and on again.
   struct Predicted {
     std::vector<double> x, P;
@@ -85,7 +95,9 @@ class TangentFilter {
   };
 
   void find_structure();
+  void fill_A();
   void fill_common();
+  void take_sample(bool motion_changes);
   void fill_pattern(Pattern& p, const std::vector<int>& channels) const;
   simd::TangentModel common_model() const;
   void reserve();
@@ -129,6 +141,7 @@ class TangentFilter {
 
   const StateSpace* model_ = nullptr;
   const std::vector<StateSpace>* derivatives_ = nullptr;
+  bool changing_ = false;  // from sample to sample
   Eigen::Index n_ = 0, ny_ = 0, nu_ = 0;
   std::size_t lanes_ = 0, blocks_ = 0;
   bool dynamics_ = false, crossed_ = false, diagonal_R_ = true;

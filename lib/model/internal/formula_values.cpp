@@ -176,4 +176,19 @@ void set_written_derivative(const LinearModel& model, const ParameterSet& parame
   });
 }
 
+void set_moving(const LinearModel& model, const ParameterSet& parameters,
+                const FormulaValues& formulas, StateSpace& out) {
+  for_each_matrix(model, out, [&](const ParametrisedMatrix& matrix, auto& to) {
+    if (moves(matrix)) set_value(matrix, parameters, formulas, to);
+  });
+}
+
+void set_moving_derivative(const LinearModel& model, const ParameterSet& parameters,
+                           const FormulaValues& formulas, const EntryDerivative& by,
+                           StateSpace& out) {
+  for_each_matrix(model, out, [&](const ParametrisedMatrix& matrix, auto& to) {
+    if (moves(matrix)) set_derivative(matrix, parameters, formulas, by, to);
+  });
+}
+
 }  // namespace identikal

@@ -52,4 +52,11 @@ void set_written_derivative(const LinearModel& model, const ParameterSet& parame
                             const FormulaValues& formulas, const EntryDerivative& by,
                             StateSpace& out);
 
+/// The same of the matrices that hold inputs or time; the others stay.
+void set_moving(const LinearModel& model, const ParameterSet& parameters,
+                const FormulaValues& formulas, StateSpace& out);
+void set_moving_derivative(const LinearModel& model, const ParameterSet& parameters,
+                           const FormulaValues& formulas, const EntryDerivative& by,
+                           StateSpace& out);
+
 }  // namespace identikal

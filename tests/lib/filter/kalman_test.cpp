@@ -129,7 +129,47 @@ TEST(Kalman, ModelsThatChangeWithTime) {
       EXPECT_NEAR((up - down) / (2.0 * h), slope, 1e-5 * (1.0 + std::abs(slope))) << seed;
     }
     const FilterResult filter = kalman_filter(at(0.0), InitialState::given, c.y, c.u);
-    EXPECT_EQ(filter.log_likelihood, given.value);
+    expect_relative(filter.log_likelihood, given.value, 1e-12);
+  }
+}
+
+// Against the recursion that keeps a covariance for every derivative: what changes is C, D and R, or all.
+TEST(Kalman, DerivativesSideBySideAreThoseOneByOne) {
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    FilterCase c = random_case(seed, false);
+    Random random(2000 + seed);
+    const StateSpace& m = c.model;
+    const StateSpace other = random_model(random, m.states(), m.inputs(), m.outputs(), m.G.cols());
+    std::vector<StateSpace> by;
+    for (int i = 0; i < 9; ++i) by.push_back(random_direction(random, m));
+    const bool motion_changes = seed % 2 == 0, outputs_move = seed % 3 == 0;
+    for (StateSpace& d : by) {
+      if (!outputs_move) d.C.setZero();
+    }
+    if (seed % 5 == 0) c.y(0, 4) = c.y(c.y.rows() - 1, 7) = std::nan("");
+    const ModelAt at = [&](Index t, StateSpace& model, std::vector<StateSpace>* derivatives) {
+      model = moving(m, other, t);
+      if (!motion_changes) {
+        model.A = m.A, model.B = m.B, model.G = m.G, model.Q = m.Q, model.S = m.S;
+      }
+      if (derivatives == nullptr) return;
+      *derivatives = by;
+      for (StateSpace& d : *derivatives) {
+        d.C *= t % 4;
+        if (motion_changes) d.A *= std::cos(0.3 * static_cast<double>(t));
+      }
+    };
+    for (const InitialState initial : {InitialState::given, InitialState::diffuse}) {
+      const Likelihood fast = log_likelihood(at, initial, c.y, c.u, true, motion_changes);
+      const Likelihood slow =
+          watch_filtered_states(at, initial, c.y, c.u, true, [](const FilteredState&) {});
+      ASSERT_EQ(fast.status, slow.status);
+      if (fast.status != FilterStatus::ok) continue;
+      expect_relative(fast.value, slow.value, 1e-11);
+      EXPECT_LT((fast.gradient - slow.gradient).norm(), 1e-8 * (1.0 + slow.gradient.norm()))
+          << seed;
+      EXPECT_LT((fast.information - slow.information).norm(), 1e-8 * slow.information.norm());
+    }
   }
 }
 
@@ -140,6 +180,9 @@ TEST(Kalman, SizesMustNotChangeWithTime) {
   };
   EXPECT_THROW(kalman_filter(grows, InitialState::diffuse, MatrixXd::Ones(1, 9), MatrixXd(0, 9)),
                std::invalid_argument);
+  EXPECT_THROW(
+      log_likelihood(grows, InitialState::diffuse, MatrixXd::Ones(1, 9), MatrixXd(0, 9), false),
+      std::invalid_argument);
 }
 
 TEST(Kalman, DiffuseStartHoldsForIntegratorsAndWithoutMeasurementNoise) {
