@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "fleet/verbs.h"
+#include "jobs/run.h"
 #include "jobs/verbs.h"
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -328,7 +329,11 @@ bool is_quiet(const Verb& verb) {
   return quiet != verb.options.end() && *std::get<bool*>(quiet->value);
 }
 
-int run_verb(const Verb& verb, const std::string& command) {
+bool is_search(const Verb& verb) {
+  return std::find(std::begin(kSearches), std::end(kSearches), verb.name) != std::end(kSearches);
+}
+
+int run_verb(const Verb& verb, std::int64_t time_limit, const std::string& command) {
   ProgressLine line(is_quiet(verb));
   Call call;
   call.command = command;
@@ -346,8 +351,11 @@ int run_verb(const Verb& verb, const std::string& command) {
     end_at_signals();
     if (seconds > 0) end_after(seconds);
   };
-  if (std::find(std::begin(kSearches), std::end(kSearches), verb.name) != std::end(kSearches)) {
+  if (is_search(verb)) {
     stop_at_signals();
+    limit_time(call, time_limit);
+  } else if (time_limit > 0) {
+    end_after(time_limit);
   }
   const Outcome outcome = verb.run(call);
   line.clear();
@@ -375,7 +383,10 @@ std::optional<CommandLine> read_command_line(int argc, char** argv) {
              "none");
     if (!has_option(verb, "--time-limit")) {
       add_number(verb, "--time-limit", time_limit, 1, 1000000,
-                 "End with exit code 5 and without a result after this many seconds.", "none");
+                 is_search(verb) ? "Stop with what is done after this many seconds."
+                                 : "End with exit code 5 and without a result after this many "
+                                   "seconds.",
+                 "none");
     }
     add_verb(app, verb);
   }
@@ -410,8 +421,7 @@ int run_command_line(int argc, char** argv) {
   const std::optional<CommandLine> typed = read_command_line(argc, argv);
   if (!typed) return 0;
   if (!typed->memory_limit.empty()) limit_memory(typed->memory_limit);
-  if (typed->time_limit > 0) end_after(typed->time_limit);
-  return run_verb(typed->verb, as_typed(argc, argv));
+  return run_verb(typed->verb, typed->time_limit, as_typed(argc, argv));
 }
 
 int run_program(int argc, char** argv) noexcept {

@@ -12,7 +12,7 @@ namespace identikal {
 struct CommandLine {
   Verb verb;                    ///< with its options taken
   std::string memory_limit;     ///< as limit_memory() reads it; empty: none
-  std::int64_t time_limit = 0;  ///< of a verb that does not ask whether to stop [s]; 0: none
+  std::int64_t time_limit = 0;  ///< of a verb that has no such option of its own [s]; 0: none
 };
 
 /// What the command line asks for. Nothing where that is --help, --version or --generate, which is

@@ -77,6 +77,17 @@ class Results(Fleet):
             self.assertEqual(of["status"], alone["status"]["code"])
             self.assertEqual(float(of["log_likelihood"]), alone["objective"]["log_likelihood"])
 
+    def test_a_limit_of_time_keeps_what_is_done(self):
+        self.folder.write("long.csv", "y\n" + "\n".join(walk(random.Random(1), 20000)) + "\n")
+        os.mkdir("long")
+        for k in range(400):
+            os.link("long.csv", f"long/{k:03}.csv")
+        begin = time.monotonic()
+        run("fleet", "check", "level.yaml", "long", "-o", "long.store", "--workers", "1", "--time-limit", "1", code=3)
+        self.assertLess(time.monotonic() - begin, 8)
+        status = json.loads(run("fleet", "status", "long.store", "--json", code=3).stdout)
+        self.assertTrue(0 < status["done"] < 400, status)
+
     def test_workers_engine_and_order_change_nothing(self):
         self.tune("one.store", "--workers", 1)
         self.tune("three.store", "--workers", 3)
