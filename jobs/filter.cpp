@@ -186,9 +186,8 @@ Verb filter_verb() {
   add_number(verb, "--skip-first", options->skip_first, 0, 1000000,
              "Leave this many rows of every recording out of the log-likelihood, given them.");
   add_text(verb, "--weights", options->weights,
-           "With -o: say how much each measured sample counts for the states at this time after "
-           "the first "
-           "row, e.g. 10s.");
+           "With -o: say how much each measured sample counts for the states so long after the "
+           "first row, e.g. 10s.");
   add_number(
       verb, "--trajectories", options->trajectories, 1, 100000,
       "With --smooth and -o: draw so many trajectories of the states, given the whole recording.");

@@ -34,6 +34,8 @@ class Inputs {
   YamlNode model_tree(const std::string& name);
   /// Paths of the files that it includes, and of those that they include.
   std::vector<std::string> included(const std::string& name);
+  /// The bytes of one of them.
+  const std::string& included_text(const std::string& path) const { return included_.at(path); }
   /// That file, parsed. @throws InputError as parse_model_file()
   Model model(const std::string& name, FormulaReading reading = FormulaReading::linear);
   /// @throws InputError as read_csv()

@@ -166,8 +166,9 @@ std::vector<Dataset> load_runs(const std::vector<Table>& files, const Model& mod
   const bool irregular = is_formula_model(model) && as_formulas(model).irregular;
   TimeSource time = model.time;
   time.rows_absent = has_filter(model) && !irregular;
+  time.replicates = continuous && irregular;
   std::vector<Dataset> out;
-  for (const Table& run : split_runs(joined.table, model.time)) {
+  for (const Table& run : split_runs(joined.table, time)) {
     Dataset data = make_dataset(run, time, model.inputs, with_outputs ? model.outputs : no_outputs,
                                 range, model.references.channels);
     if (with_outputs) ask_conditions(run, time, model, range, data);

@@ -50,7 +50,7 @@ ModelSource model_source(const std::string& path, Inputs& inputs) {
   const std::string& text = inputs.model_text(path);
   ModelSource out{path, inputs.sha256(path), text, {}};
   for (const std::string& included : inputs.included(path)) {
-    out.included.push_back({included, inputs.sha256(included)});
+    out.included.push_back({included, inputs.sha256(included), inputs.included_text(included)});
   }
   return out;
 }
@@ -177,7 +177,9 @@ Outcome finish(const Run& run, const Recordings& recordings, KeptResult result,
   }
   std::vector<OutputFile> written;
   if (!options.page.empty()) {
-    written.push_back({options.page, report_page(out.json.text(), out.page_data), "--report"});
+    const std::string page =
+        report_page(out.json.text(), out.page_data, result.sections.model_file);
+    written.push_back({options.page, page, "--report"});
   }
   if (!options.folder.empty()) {
     std::vector<ResultFile> files = folder_files(sections, out.json.text(), out.page_data);

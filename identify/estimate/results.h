@@ -21,6 +21,7 @@ struct ModelSource {
   std::string path, sha256, text;
   struct Included {
     std::string path, sha256;
+    std::string text = {};  ///< as the job has read it; of a stored result it is not kept
   };
   std::vector<Included> included;
 };

@@ -187,13 +187,15 @@ std::string inside_script(const std::string& json) {
 }
 
 // What export prints, by language.
-std::string paste_json(const std::string& result, const std::string& data) {
+std::string paste_json(const std::string& result, const std::string& data,
+                       const ModelSource* model_file) {
   StoredResult stored;
   stored.path = "result.json";
   stored.text = result;
   stored.data_path = kReportDataFile;
   stored.data = data;
   stored = parse_stored_result(std::move(stored));
+  if (model_file != nullptr) stored.estimate.model_file = *model_file;
   PageJson out = PageJson::array();
   for (const ExportFormat format : {ExportFormat::matlab, ExportFormat::python, ExportFormat::cpp,
                                     ExportFormat::c, ExportFormat::yaml}) {
@@ -252,11 +254,12 @@ std::string report_data_json(const ReportData& data, const std::string& result) 
   return text() + "\n";
 }
 
-std::string report_page(const std::string& result, const std::string& data) {
+std::string report_page(const std::string& result, const std::string& data,
+                        const ModelSource* model_file) {
   const std::pair<std::string_view, std::string> parts[] = {
       {"{{result}}", inside_script(result_in_this_version(result))},
       {"{{data}}", inside_script(page_data_in_this_version(data))},
-      {"{{paste}}", inside_script(paste_json(result, data))},
+      {"{{paste}}", inside_script(paste_json(result, data, model_file))},
       {"{{versions}}", inside_script(std::string(report_versions()))}};
   std::string out;
   std::string_view rest = report_template();

@@ -23,6 +23,8 @@ std::string report_data_json(const ReportData& data, const std::string& result);
 ///     const std::string result = result_json(sections_of(estimate), false, 0.0);
 ///     const ReportData data = report_data(sections_of(estimate), recordings, {}, {});
 ///     const std::string html = report_page(result, report_data_json(data, result));
-std::string report_page(const std::string& result, const std::string& data);
+/// @param model_file  what the job has read, files that it includes too; null: those are read again
+std::string report_page(const std::string& result, const std::string& data,
+                        const ModelSource* model_file = nullptr);
 
 }  // namespace identikal

@@ -30,6 +30,10 @@ Model started_model(const StoredEstimate& result, const std::string& path) {
   }
   FileTexts read;
   for (const ModelSource::Included& file : result.model_file->included) {
+    if (!file.text.empty()) {
+      read[file.path] = file.text;
+      continue;
+    }
     std::error_code ignored;
     const bool there = std::filesystem::is_regular_file(file.path, ignored);
     if (there) read[file.path] = read_yaml_text(file.path);

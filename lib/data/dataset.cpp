@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
@@ -160,6 +161,7 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
       throw InputError(at, "no time stamp in column " + quoted_excerpt(column.name), "a number");
     }
     if (row == 0 || t[row] > t[row - 1]) continue;
+    if (t[row] == t[row - 1] && source.replicates) continue;
     if (t[row] == t[row - 1]) {
       throw InputError(at, "time " + stamp(t[row]) + " is a duplicate", "increasing time stamps",
                        "remove one of the two rows");
@@ -172,9 +174,13 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
   return {t, unit.unit.scale, !column.remainder.empty()};
 }
 
+// Of rows with different times; 0: there are none.
 double median_step(const double* first, const double* last) {
   std::vector<double> steps;
-  for (const double* t = first; t + 1 < last; ++t) steps.push_back(t[1] - t[0]);
+  for (const double* t = first; t + 1 < last; ++t) {
+    if (t[1] > t[0]) steps.push_back(t[1] - t[0]);
+  }
+  if (steps.empty()) return 0.0;
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
   if (steps.size() % 2 == 1) return *middle;
@@ -204,6 +210,28 @@ double grid_of(const double* first, const double* last) {
     if (on_some_of_grid(first, last, shortest / parts)) return shortest / parts;
   }
   return 0.0;
+}
+
+// Of rows with one time, each behind the one before by so little that nothing happens meanwhile.
+void part_replicates(Dataset& data) {
+  constexpr double kShare = 1e-9;  // of the shortest step
+  double shortest = kInfinity;
+  Index equal = 0;
+  for (Index k = 1; k < data.size(); ++k) {
+    const double step = data.time[k] - data.time[k - 1];
+    equal += step == 0.0;
+    if (step > 0.0) shortest = std::min(shortest, step);
+  }
+  if (equal == 0) return;
+  data.stamps = data.time;
+  const double least =
+      8.0 * std::numeric_limits<double>::epsilon() * data.time.cwiseAbs().maxCoeff();
+  const double apart = std::max(kShare * shortest, least);
+  for (Index k = 1; k < data.size(); ++k) {
+    if (data.stamps[k] == data.stamps[k - 1]) data.time[k] = data.time[k - 1] + apart;
+  }
+  data.notes.push_back(data.name + ": " + std::to_string(equal) +
+                       " rows have the time of the row before, and count as measured again then");
 }
 
 // Rows [first, last) of the table.
@@ -247,6 +275,10 @@ Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
   Eigen::VectorXd values = recorded.segment(first, count);
   if (source.delay != 0.0) {
     const Eigen::Map<const Eigen::VectorXd> t(stamps.values.data(), recorded.size());
+    if ((t.tail(t.size() - 1).array() == t.head(t.size() - 1).array()).any()) {
+      throw InputError(source.at, "a delay of '" + source.name + "' beside rows that have one time",
+                       "a time for every row, or no delay");
+    }
     const Eigen::VectorXd seconds = (t.array() - t[0]) * stamps.to_seconds;
     values = interpolate_linearly(seconds, recorded,
                                   seconds.segment(first, count).array() + source.delay,
@@ -363,7 +395,11 @@ std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
   std::vector<Table> out;
   std::size_t first = 0;
   for (std::size_t row = 1; row <= table.rows; ++row) {
-    if (row < table.rows && !(stamps->values[row] <= stamps->values[row - 1])) continue;
+    const auto goes_on = [&] {
+      const double now = stamps->values[row], before = stamps->values[row - 1];
+      return time.replicates ? !(now < before) : !(now <= before);
+    };
+    if (row < table.rows && goes_on()) continue;
     if (row - first == 1 && table.rows > 1) {
       throw InputError(
           {table.path, table.line_of_row(first)},
@@ -424,6 +460,10 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
     }
     const double median =
         median_step(t.data() + rows.first, t.data() + rows.last) * stamps.to_seconds;
+    if (!(median > 0.0)) {
+      throw InputError({table.path, table.line_of_row(rows.first)}, "all rows have one time stamp",
+                       "at least two, to tell the step");
+    }
     const double step = time.step / stamps.to_seconds;
     const bool absent = time.rows_absent && time.step > 0.0 &&
                         on_some_of_grid(t.data() + rows.first, t.data() + rows.last, step);
@@ -457,6 +497,7 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
   data.u = read_all(inputs, data.inputs);
   data.y = read_all(outputs, data.outputs);
   data.reference = read_references(table, references, stamps, rows, data);
+  if (time.replicates) part_replicates(data);
   return data;
 }
 

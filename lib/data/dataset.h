@@ -32,7 +32,7 @@ struct Dataset {
   std::string name;                  ///< of the file, without its folder
   double dt = 0.0;                   ///< sampling period [s]: the step given, else the median step
   Eigen::VectorXd time;              ///< N [s], strictly increasing
-  Eigen::VectorXd stamps;            ///< N [s]: as recorded, where on_uniform_grid() has moved them
+  Eigen::VectorXd stamps;            ///< N [s]: as recorded, where `time` differs; else empty
   std::vector<Eigen::Index> absent;  ///< rows that it has put in where none was recorded, rising
   Eigen::MatrixXd u;                 ///< nu x N, SI, NaN = missing
   Eigen::MatrixXd y;                 ///< ny x N, SI, NaN = missing
@@ -84,6 +84,8 @@ struct TimeSource {
   /// Rows may be absent: stamps that are different whole numbers of `step` apart are taken, wherever
   /// their median lies.
   bool rows_absent = false;
+  /// Rows may have one time: each is a sample of its own, behind the one before by next to nothing.
+  bool replicates = false;
 };
 
 /// Which rows to use, in seconds from the first row's time, both ends included. Infinite = no

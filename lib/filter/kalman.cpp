@@ -23,7 +23,7 @@ FilterResult run(Recursion& recursion, Index n, const Eigen::Ref<const MatrixXd>
 }
 
 Likelihood finite(Likelihood out) {
-  if (out.status == FilterStatus::ok && !std::isfinite(out.value)) {
+  if (out.status == FilterStatus::ok && !(std::isfinite(out.value) && out.gradient.allFinite())) {
     out.status = FilterStatus::not_finite;
   }
   return out;

@@ -239,8 +239,13 @@ def _manifest(given, store, text_of_model, path_of_model):
     for number, row in enumerate(rows, 1):
         name = str(row.get("name", number))
         path = _recording_file(row["recording"], name, taken, store, text_of_model, path_of_model)
-        writer.writerow([os.path.relpath(path, folder or ".") if key == "recording" else _cell(row.get(key)) for key in columns])
+        writer.writerow([_seen_from(folder, path) if key == "recording" else _cell(row.get(key)) for key in columns])
     return _keep(store + ".manifest.csv", out.getvalue())
+
+
+def _seen_from(folder, path):
+    """A path, or several joined by '+', relative to the folder."""
+    return "+".join(os.path.relpath(each, folder or ".") for each in path.split("+"))
 
 
 def _manifest_rows(given):

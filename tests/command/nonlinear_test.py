@@ -82,6 +82,42 @@ initial: {mean: {x: 1, z: 1}}
         self.assertEqual(free["parameters"], own["parameters"])
         self.assertEqual(["warning"], [w["severity"] for w in own["warnings"] if w["code"] == "integration"])
 
+    def test_replicates_are_rows_of_one_time(self):
+        """A decay measured three times at each time: the same as the curve that solves it, and in any order of the replicates."""
+        decay = self.folder.write("decay.yaml", """identikal: 1
+time: {kind: continuous, column: t, unit: s, sampling: irregular}
+parameters: {k: {value: 0.3, min: 0.01, max: 10}, a: {value: 1, min: 0}, s: {value: 0.1, min: 0}}
+states: [x]
+dynamics: {x: -k*x*(1 + 0.1*x)}
+outputs: {y: {column: y, equals: x}}
+noise: {measurement: {sd: {y: s}}}
+initial: {mean: {x: a}}
+""")
+        curve = self.folder.write("curve.yaml", """identikal: 1
+model: static
+parameters: {k: {value: 0.3, min: 0.01, max: 10}, a: {value: 1, min: 0}, s: {value: 0.1, min: 0}}
+inputs: {t: {column: t, unit: s}}
+outputs: {y: {column: y, equals: a*exp(-k*t)/(1 + 0.1*a*(1 - exp(-k*t)))}}
+noise: {measurement: {sd: {y: s}}}
+""")
+        source = random.Random(8)
+        times = [0, 1, 2, 4, 7, 11]
+        rows = [(t, 2 * math.exp(-0.4 * t) / (1 + 0.2 * (1 - math.exp(-0.4 * t))) + source.gauss(0, 0.05)) for t in times for _ in range(3)]
+        again = [rows[3 * k + j] for k in range(len(times)) for j in (2, 0, 1)]
+        found = []
+        for model, order, name in ((decay, rows, "decay"), (decay, again, "again"), (curve, rows, "curve")):
+            data = self.folder.write(f"{name}.csv", "t,y\n" + "".join(f"{t},{y!r}\n" for t, y in order))
+            found.append(result("fit", model, data, "--starts", 1))
+        self.assertIn("12 rows have the time of the row before", found[0]["inputs"][0].get("note", json.dumps(found[0])))
+        for other in found[1:]:
+            self.assertAlmostEqual(found[0]["objective"]["log_likelihood"], other["objective"]["log_likelihood"], delta=1e-6)
+            for name in ("k", "a", "s"):
+                p, q = (next(each for each in of["parameters"] if each["name"] == name) for of in (found[0], other))
+                self.assertAlmostEqual(p["value"], q["value"], delta=1e-5 * abs(q["value"]), msg=name)
+        refused = run("fit", self.folder.write("even.yaml", pathlib.Path(decay).read_text().replace(", sampling: irregular", "")),
+                      self.folder.path / "decay.csv", code=2)
+        self.assertIn("decay.csv:3: time 0 s is a duplicate", refused.stderr)
+
     def test_noise_that_no_number_scales_is_searched_as_it_is(self):
         """A variance s^2 + 1e-4 follows s by no power."""
         model = self.folder.write("offset.yaml", """identikal: 1

@@ -2,7 +2,7 @@
 
 Every verb is run with a call of the system that fails, by tests/fault/inject.cpp: the n-th one, or all from the n-th on. Each time
 the exit code is one of the documented ones, standard error has one line where it was not before, the result's folder is
-the one of before or the whole new one, and what is said to be done is what is done without a fault. Without one, every file that is named is opened once."""
+the one of before or the whole new one, and what is said to be done is what is done without a fault. Without one, every file that is named, or included, is opened once."""
 import collections
 import concurrent.futures
 import json
@@ -205,9 +205,10 @@ class Campaign:
         place.put_back(job)
 
     def is_named(self, path, job, place):
-        """Files that the command line names. What a model file includes is read again where a result's page shows code to paste, and
-        has to have the result's SHA-256 each time."""
+        """Files that the command line names, and what they include."""
         named = {word for word in job.split() if (place.path / word).exists()}
+        if "including.yaml" in named:
+            named.add("base.yaml")
         return path in named or any(path.startswith(name + "/") for name in named) and (place.path / path).is_file()
 
     def faults(self, count):

@@ -89,6 +89,17 @@ def test_tables_and_files(level, records, tmp_path):
     assert list(frame["unit"]) == list("aabbcc") and frame["q"].dtype == float
 
 
+def test_paths_are_those_of_the_folder_where_it_is_called(level, records, tmp_path, monkeypatch):
+    """Joined ones too, with a store elsewhere."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs").mkdir()
+    for name in ("y", "z"):
+        (tmp_path / f"logs/{name}.csv").write_text(f"t,{name}\n" + "".join(f"{k},{value!r}\n" for k, value in enumerate(records["sensor 0"].tolist())))
+    model = ik.LinearModel(A=1, C=1, Q=[[ik.p("q", 1, min=0)]], R=[[ik.p("r", 1, min=0)]], initial="diffuse", time={"column": "t", "unit": "s"})
+    fleet = ik.fleet("tune", model, ["logs/y.csv+logs/z.csv", "logs/y.csv"], "stores/a.store", starts=1)
+    assert fleet.statuses == {"ok": 2} and fleet["q"][0] == fleet["q"][1]
+
+
 def test_samples_come_back_to_the_last_bit(tmp_path):
     """Names with commas, units, missing samples in a single column, inputs, times."""
     model = ik.LinearModel(A=[[0.5]], B=[[1.0]], C=[[1.0]], Q=[[ik.p("q", 1, min=0)]], R=[[0.5]], inputs={"u": {"column": 'u "as set"; raw'}},

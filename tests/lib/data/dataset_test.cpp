@@ -455,6 +455,37 @@ TEST(Dataset, RefusesRunsJoinedInOneFile) {
                          "expected a number"));
 }
 
+TEST(Dataset, RowsOfOneTimeAreReplicates) {
+  const Table log =
+      table({column("t", "s", {0, 1, 1, 1, 2, 4, 4}), column("y", "", {1, 2, 3, 4, 5, 6, 7})});
+  TimeSource time = time_column("t");
+  EXPECT_THROW(make_dataset(log, time, {}, {channel("y", "y")}), InputError);
+  time.replicates = true;
+  const Dataset data = make_dataset(log, time, {}, {channel("y", "y")});
+  EXPECT_EQ(data.dt, 1.0);
+  EXPECT_THAT(data.stamps, ElementsAreArray({0.0, 1.0, 1.0, 1.0, 2.0, 4.0, 4.0}));
+  for (Eigen::Index k = 1; k < data.size(); ++k) EXPECT_GT(data.time[k], data.time[k - 1]);
+  EXPECT_LT((data.time - data.stamps).cwiseAbs().maxCoeff(), 1e-8);
+  EXPECT_THAT(data.y.reshaped(), ElementsAreArray({1, 2, 3, 4, 5, 6, 7}));
+  ASSERT_EQ(data.notes.size(), 1u);
+  EXPECT_THAT(data.notes[0], HasSubstr("3 rows have the time of the row before"));
+  const Table at_once = table({column("t", "s", {2, 2, 2}), column("y", "", {1, 2, 3})});
+  EXPECT_THROW(make_dataset(at_once, time, {}, {channel("y", "y")}), InputError);
+  ChannelSource late = channel("y", "y");
+  late.delay = 0.5;
+  EXPECT_THROW(make_dataset(log, time, {}, {late}), InputError);
+}
+
+// Of an epoch the next number is far away.
+TEST(Dataset, ReplicatesOfAnEpochRise) {
+  const Table log = table(
+      {column("t", "s", {1.7e9, 1.7e9 + 1, 1.7e9 + 1, 1.7e9 + 2}), column("y", "", {1, 2, 3, 4})});
+  TimeSource time = time_column("t");
+  time.replicates = true;
+  const Dataset data = make_dataset(log, time, {}, {channel("y", "y")});
+  for (Eigen::Index k = 1; k < data.size(); ++k) EXPECT_GT(data.time[k], data.time[k - 1]);
+}
+
 TEST(Dataset, ScaleOffsetAndDelayOfAChannel) {
   const Table t = table(
       {column("t", "s", {0, 0.1, 0.2, 0.3, 0.4}), column("ay", "g", {0, 0.1, 0.2, kNaN, 0.4})});
