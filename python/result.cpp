@@ -50,7 +50,7 @@ py::tuple run_verb(const std::string& verb,
 }
 
 // name, value, se, interval, error bound, unit, verdict, start, fixed, bounds
-py::object parameters_of(const ik_result& result) {
+py::object parameter_rows(const ik_result& result) {
   if (!result.outcome.estimate) return py::none();
   py::list out;
   for (const EstimatedParameter& p : result.outcome.estimate->parameters) {
@@ -62,7 +62,7 @@ py::object parameters_of(const ik_result& result) {
 }
 
 // severity, code, text, remedy
-py::object findings_of(const ik_result& result) {
+py::object finding_rows(const ik_result& result) {
   if (!result.outcome.estimate) return py::none();
   py::list out;
   for (const Finding& f : printed(result.outcome.estimate->findings)) {
@@ -214,9 +214,9 @@ void add_results(py::module_& module) {
       .def("has_values", [](const ik_result& r) { return r.outcome.estimate != nullptr; })
       .def("status", status_of)
       .def("log_likelihood", log_likelihood_of)
-      .def("parameters", parameters_of)
+      .def("parameters", parameter_rows)
       .def("has_warnings", has_warnings)
-      .def("findings", findings_of)
+      .def("findings", finding_rows)
       .def("series", series_of)
       .def("series_names", series_names_of)
       .def("text", [](const ik_result& r) { return r.outcome.text; })
