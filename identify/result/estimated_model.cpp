@@ -23,11 +23,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-Model started_model(const StoredEstimate& result, const std::string& path) {
-  if (!result.model_file) {
-    throw InputError({path, 0, 0}, "holds no model file", "a result of tune, check or fit",
-                     "run the job again with -o");
-  }
+// Texts of the files that the model file includes, as they were when the job ran.
+FileTexts included_texts(const StoredEstimate& result, const std::string& path) {
   FileTexts read;
   for (const ModelSource::Included& file : result.model_file->included) {
     if (!file.text.empty()) {
@@ -43,6 +40,15 @@ Model started_model(const StoredEstimate& result, const std::string& path) {
                                  there ? "has changed since" : "is no longer there"),
                      "the file as it was", "a result holds the text of the model file alone");
   }
+  return read;
+}
+
+Model started_model(const StoredEstimate& result, const std::string& path) {
+  if (!result.model_file) {
+    throw InputError({path, 0, 0}, "holds no model file", "a result of tune, check or fit",
+                     "run the job again with -o");
+  }
+  FileTexts read = included_texts(result, path);
   const ModelSource& file = *result.model_file;
   const YamlNode root = parse_with_included(file.text, file.path, read);
   if (result.objective.method != kSimulationMethod) return model_of(root, file.path);
@@ -179,8 +185,12 @@ std::optional<std::string> estimated_model_text(const StoredEstimate& result,
   const YamlNode* parameters = find(root, "parameters");
   const bool includes = find(root, "include") != nullptr;
   Editor editor(text);
+  FileTexts read = included_texts(result, path);
+  const auto parsed = [&](const std::string& of) {
+    return model_of(parse_with_included(of, model.source, read), model.source);
+  };
   // Those of the file come first.
-  const std::size_t count = parse_model_file(text, model.source).parameters.size();
+  const std::size_t count = parsed(text).parameters.size();
   for (std::size_t i = 0; i < count; ++i) {
     const Parameter& p = model.parameters[i];
     const bool same = p.value == started.parameters[i].value;
@@ -201,7 +211,7 @@ std::optional<std::string> estimated_model_text(const StoredEstimate& result,
   // What was edited has to read as what was meant.
   Model again;
   try {
-    again = parse_model_file(*out, model.source);
+    again = parsed(*out);
   } catch (const InputError&) {
     return std::nullopt;
   }

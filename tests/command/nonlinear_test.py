@@ -96,8 +96,8 @@ initial: {mean: {x: a}}
         curve = self.folder.write("curve.yaml", """identikal: 1
 model: static
 parameters: {k: {value: 0.3, min: 0.01, max: 10}, a: {value: 1, min: 0}, s: {value: 0.1, min: 0}}
-inputs: {t: {column: t, unit: s}}
-outputs: {y: {column: y, equals: a*exp(-k*t)/(1 + 0.1*a*(1 - exp(-k*t)))}}
+inputs: {h: {column: t}}
+outputs: {y: {column: y, equals: a*exp(-k*h)/(1 + 0.1*a*(1 - exp(-k*h)))}}
 noise: {measurement: {sd: {y: s}}}
 """)
         source = random.Random(8)
