@@ -169,7 +169,7 @@ def fleet(verb, model, recordings, store=None, *, progress=None, **options):
                 {"recording": path or samples, "name": of samples, "unit": ..., "group": ..., "options": ..., "where": ...,
                 and covariates}
     store       path of the results, a SQLite database. What is in it already and still holds is not done again. Samples and
-                models that are not files are kept beside it. Without it the results go with the object.
+                models that are not files are kept next to it. Without it the results go with the object.
     progress    True: a bar (tqdm) or a line; or a function (what, share, value) that returns False to stop
     options     those of `identikal fleet VERB`: workers=2, timeout=60, retries=3, by="vehicle", starts=1, engine="slurm"
 
