@@ -18,7 +18,7 @@ import numpy as np
 from . import _identikal
 from ._errors import IdentikalError, InputError, StoppedWarning
 from .jobs import _model, _options, showing
-from .results import Result
+from .results import Result, inline_page
 from .samples import _is_frame, _is_recording, _recording
 
 _VERBS = ("tune", "fit", "check", "validate")
@@ -127,9 +127,7 @@ class Fleet:
         return self._read("page")
 
     def _repr_html_(self):
-        import html
-        return (f'<iframe srcdoc="{html.escape(self.report(), quote=True)}" style="width:100%;height:40em;border:0" '
-                f'sandbox="allow-scripts"></iframe>')
+        return inline_page(self.report())
 
     def __str__(self):
         return self.summary()
@@ -310,7 +308,7 @@ def _work(words, store, progress):
     if "--dry-run" in words:
         print(text, end="")
     if stopped:
-        warnings.warn("stopped; the store has what is done, and resume() goes on", StoppedWarning, stacklevel=4)
+        warnings.warn("stopped; the store has what is done, and resume() goes on", StoppedWarning, stacklevel=3)
     elif process.returncode < 0:
         raise IdentikalError(f"the fleet was ended by signal {-process.returncode}; the store has what is done")
     elif process.returncode in (2, 5) and not text:  # exit status 2 beside a summary: no recording has a result

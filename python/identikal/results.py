@@ -12,6 +12,12 @@ from ._errors import InputError
 _OF_A_RUN = ("timing_s", "version")
 
 
+def inline_page(page):
+    """A page as a frame in a notebook."""
+    return (f'<iframe srcdoc="{html.escape(page, quote=True)}" style="width:100%;height:40em;border:0" '
+            f'sandbox="allow-scripts"></iframe>')
+
+
 class Parameter(NamedTuple):
     """An estimate; every number is in `unit`, NaN where there is none."""
 
@@ -234,8 +240,7 @@ class Result:
         page = self.report() if self._raw.has_document() else ""
         if not page:
             return f"<pre>{html.escape(self.summary() or self.message)}</pre>"
-        return (f'<iframe srcdoc="{html.escape(page, quote=True)}" style="width:100%;height:40em;border:0" '
-                f'sandbox="allow-scripts"></iframe>')
+        return inline_page(page)
 
     def to_frame(self):
         """A pandas DataFrame: of simulate and forecast the samples, of others the parameters by name."""

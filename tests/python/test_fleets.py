@@ -35,7 +35,7 @@ def test_rows_are_those_of_single_fits(fleet, level, records):
 def test_the_table_is_that_of_the_command_line(fleet, tool):
     assert fleet.export() == subprocess.run([tool, "fleet", "export", fleet.path], capture_output=True, text=True, check=True).stdout
     assert fleet.summary() == subprocess.run([tool, "fleet", "status", fleet.path], capture_output=True, text=True, check=True).stdout
-    assert "<html" in fleet.report() and "2 of" not in repr(fleet)
+    assert "<html" in fleet.report() and "<iframe" in fleet._repr_html_() and "2 of" not in repr(fleet)
     with pytest.raises(ik.InputError, match="no column 'Q'"):
         fleet["Q"]
 
