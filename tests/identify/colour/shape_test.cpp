@@ -158,16 +158,16 @@ TEST(ShapedModel, OfAContinuousModelTheSampledOneIsTaken) {
   EXPECT_TRUE(as_linear(sampled_model(free_pole)).continuous);
 }
 
-// A sensor whose error lasts for a second, in a model in continuous time.
-TEST(Shape, AContinuousModelTakesAFilter) {
-  const Model model = trolley().process_noise(variance("q", 0.8));
+constexpr double kPole =
+    0.8;  // of the sensor's error, which lasts for a second; its variance is 0.5
+
+// From the state x on.
+Dataset with_lasting_error(const Model& model, VectorXd x, std::uint64_t seed) {
   StateSpace m = instantiate(as_linear(model), model.parameters);
-  Random random(3);
+  Random random(seed);
   const MatrixXd L = semidefinite_factor(m.Q);
   constexpr Index kSamples = 3000;
-  constexpr double kPole = 0.8;  // of the sensor's error, whose variance is 0.5
   MatrixXd y(1, kSamples), u(1, kSamples);
-  VectorXd x = VectorXd::Zero(2);
   double error = 0.0;
   for (Index t = 0; t < kSamples; ++t) {
     u(0, t) = random.normal();
@@ -175,9 +175,15 @@ TEST(Shape, AContinuousModelTakesAFilter) {
     y(0, t) = x[0] + error + std::sqrt(0.3) * random.normal();
     x = m.A * x + m.B * u.col(t) + L * random.normal(2);
   }
+  return recording(model, y, 0.2, u);
+}
+
+TEST(Shape, AContinuousModelTakesAFilter) {
+  const Model model = trolley().process_noise(variance("q", 0.8));
   ShapeOptions options;
   options.source = NoiseSource::measurement;
-  const ShapeResult found = shape(model, {recording(model, y, 0.2, u)}, options);
+  const ShapeResult found =
+      shape(model, {with_lasting_error(model, VectorXd::Zero(2), 3)}, options);
   ASSERT_EQ(found.estimate.status, Status::ok) << found.estimate.message;
   const std::map<std::string, double> truth = {{"q", 0.8}, {"r", 0.3}, {"v1_a1", -kPole}};
   for (const EstimatedParameter& p : found.estimate.parameters) {
@@ -223,23 +229,10 @@ TEST(ShapedModel, EveryStateStartsAsItDidAndFiltersInTheirSteadyState) {
 
 TEST(Shape, AStartThatIsPartlyDiffuseTakesAFilter) {
   const Model model = trolley_of_unknown_place();
-  StateSpace m = instantiate(as_linear(model), model.parameters);
-  Random random(4);
-  const MatrixXd L = semidefinite_factor(m.Q);
-  constexpr Index kSamples = 3000;
-  constexpr double kPole = 0.8;
-  MatrixXd y(1, kSamples), u(1, kSamples);
-  VectorXd x = Eigen::Vector2d(100.0, 0.0);
-  double error = 0.0;
-  for (Index t = 0; t < kSamples; ++t) {
-    u(0, t) = random.normal();
-    error = kPole * error + std::sqrt(0.5 * (1.0 - kPole * kPole)) * random.normal();
-    y(0, t) = x[0] + error + std::sqrt(0.3) * random.normal();
-    x = m.A * x + m.B * u.col(t) + L * random.normal(2);
-  }
   ShapeOptions options;
   options.source = NoiseSource::measurement;
-  const ShapeResult found = shape(model, {recording(model, y, 0.2, u)}, options);
+  const ShapeResult found =
+      shape(model, {with_lasting_error(model, Eigen::Vector2d(100.0, 0.0), 4)}, options);
   ASSERT_TRUE(found.model.has_value()) << found.estimate.message;
   EXPECT_EQ(found.estimate.status, Status::ok) << found.estimate.message;
   for (const EstimatedParameter& p : found.estimate.parameters) {

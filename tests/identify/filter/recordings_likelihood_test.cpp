@@ -51,18 +51,24 @@ std::vector<Dataset> two_recordings(const Model& model) {
   return out;
 }
 
+// log p(y(3), ... | y(1), y(2)) of all recordings.
+double behind_two_samples(const Model& model, const std::vector<Dataset>& recordings) {
+  const StateSpace m = instantiate(as_linear(model), model.parameters);
+  const InitialState initial = as_linear(model).initial;
+  double out = 0.0;
+  for (const Dataset& data : recordings) {
+    out += log_likelihood(m, initial, data.y, data.u).value -
+           log_likelihood(m, initial, data.y.leftCols(2), data.u.leftCols(2)).value;
+  }
+  return out;
+}
+
 TEST(RecordingsLikelihood, BehindItsBeginningItIsConditional) {
   const Model model = level_with_error(0.6);
   const std::vector<Dataset> recordings = two_recordings(model);
   RecordingsLikelihood likelihood(model, recordings);
   likelihood.condition_on_beginning();
-  const StateSpace m = instantiate(as_linear(model), model.parameters);
-  double behind = 0.0;
-  for (const Dataset& data : recordings) {
-    behind +=
-        log_likelihood(m, InitialState::diffuse, data.y, data.u).value -
-        log_likelihood(m, InitialState::diffuse, data.y.leftCols(2), data.u.leftCols(2)).value;
-  }
+  const double behind = behind_two_samples(model, recordings);
   const Likelihood* at = likelihood.evaluate(model.parameters, true);
   ASSERT_NE(at, nullptr);
   EXPECT_NEAR(at->value, behind, 1e-9);
@@ -120,14 +126,7 @@ TEST(RecordingsLikelihood, OfAPartlyDiffuseStartItIsConditionalWhereItsStatesMov
   const std::vector<Dataset> recordings = two_recordings(model);
   RecordingsLikelihood likelihood(model, recordings);
   likelihood.condition_on_beginning();
-  const StateSpace m = instantiate(as_linear(model), model.parameters);
-  double behind = 0.0;
-  for (const Dataset& data : recordings) {
-    behind +=
-        log_likelihood(m, InitialState::partly_diffuse, data.y, data.u).value -
-        log_likelihood(m, InitialState::partly_diffuse, data.y.leftCols(2), data.u.leftCols(2))
-            .value;
-  }
+  const double behind = behind_two_samples(model, recordings);
   EXPECT_NEAR(likelihood.evaluate(model.parameters, false)->value, behind, 1e-9);
   // The stationary state's alone is no reason.
   const Model other = partly_diffuse(false);
