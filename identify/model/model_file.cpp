@@ -33,7 +33,7 @@ const std::vector<std::string> kCommonKeys = {"identikal",  "name",      "model"
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "roll", "sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
-const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics"};
+const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics", "doses"};
 
 // Of the model, its form alone is known.
 TimeSource read_time(const YamlNode& root, const Model& model, bool formulas) {
@@ -99,7 +99,7 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {
       refuse({"A", "B", "C", "D"}, "is a duplicate of the formulas");
     } else {
-      refuse({"let", "use_when"}, "belongs to a model with dynamics");
+      refuse({"let", "use_when", "doses"}, "belongs to a model with dynamics");
     }
   } else if (is_vehicle(model)) {
     refuse(kLinearKeys, "does not belong to model: single-track");

@@ -61,11 +61,16 @@ Eigen::MatrixXd rows_named(const std::vector<ChannelSource>& sources,
   return out;
 }
 
-// Pseudo-measurements have their numbers, and outputs count where their conditions hold.
+// Pseudo-measurements have their numbers, doses are zero where none is said, and outputs count where their conditions hold.
 void as_model_file_says(const Model& model, const MatrixXd& flags, Dataset& data) {
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
     const std::optional<double>& value = model.outputs[i].value;
     if (value) data.y.row(static_cast<Index>(i)).setConstant(*value);
+  }
+  for (std::size_t i = 0; i < model.inputs.size(); ++i) {
+    if (!model.inputs[i].empty_is_zero) continue;
+    auto row = data.u.row(static_cast<Index>(i));
+    row = row.array().isNaN().select(0.0, row).eval();
   }
   apply_conditions(model, flags, data);
 }

@@ -273,6 +273,7 @@ Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
   const Eigen::Map<const Eigen::VectorXd> recorded(column.values.data(),
                                                    static_cast<Index>(column.values.size()));
   Eigen::VectorXd values = recorded.segment(first, count);
+  if (source.empty_is_zero) values = values.array().isNaN().select(0.0, values);
   if (source.delay != 0.0) {
     const Eigen::Map<const Eigen::VectorXd> t(stamps.values.data(), recorded.size());
     if ((t.tail(t.size() - 1).array() == t.head(t.size() - 1).array()).any()) {

@@ -72,6 +72,7 @@ struct ChannelSource {
   bool wraps = false;   ///< an angle: values that are a turn apart are the same
   /// A pseudo-measurement: this number, SI, in place of a column.
   std::optional<double> value = std::nullopt;
+  bool empty_is_zero = false;  ///< a missing value is 0, as of doses
 };
 
 /// Where time comes from: a column, or a fixed step.

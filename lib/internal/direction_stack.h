@@ -2,6 +2,7 @@
 // at once, so that every operation runs along the directions. Internal to lib.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Core>
@@ -11,9 +12,11 @@ namespace identikal {
 /// The derivatives of a matrix by k directions: row i + rows j holds those of entry (i, j).
 using Stack = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// out.row(i) += weight from.row(j). A plain loop: Eigen's is slow on a few columns.
+/// out.row(i) += weight from.row(j). A plain loop: Eigen's is slow on a few columns; most entries
+/// of most models' matrices are zero.
 template <class From>
 inline void add_row(Stack& out, Eigen::Index i, double weight, const From& from, Eigen::Index j) {
+  if (weight == 0.0) return;
   const Eigen::Index k = out.cols();
   double* __restrict const to = out.data() + k * i;
   const double* const row = from.data() + k * j;
@@ -89,16 +92,25 @@ inline void set_congruence(const Eigen::MatrixXd& A, const Stack& dP, Stack& hal
   }
 }
 
-/// out += D X + (D X)', n x n.
-inline void add_turned(const Stack& D, const Eigen::MatrixXd& X, Stack& out) {
+inline bool is_zero_row(const Stack& M, Eigen::Index i) {
+  const double* const row = M.data() + M.cols() * i;
+  return std::all_of(row, row + M.cols(), [](double value) { return value == 0.0; });
+}
+
+/// out += D X + (D X)', n x n; `half` is memory of the same size.
+inline void add_turned(const Stack& D, const Eigen::MatrixXd& X, Stack& half, Stack& out) {
   const Eigen::Index n = X.cols();
+  half.setZero();
+  for (Eigen::Index l = 0; l < X.rows(); ++l) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (is_zero_row(D, i + n * l)) continue;
+      for (Eigen::Index j = 0; j < n; ++j) add_row(half, i + n * j, X(l, j), D, i + n * l);
+    }
+  }
   for (Eigen::Index j = 0; j < n; ++j) {
-    for (Eigen::Index i = 0; i <= j; ++i) {
-      for (Eigen::Index l = 0; l < X.rows(); ++l) {
-        add_row(out, i + n * j, X(l, j), D, i + n * l);
-        add_row(out, i + n * j, X(l, i), D, j + n * l);
-      }
-      if (i != j) out.row(j + n * i) = out.row(i + n * j);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      add_row(out, i + n * j, 1.0, half, i + n * j);
+      add_row(out, i + n * j, 1.0, half, j + n * i);
     }
   }
 }

@@ -16,7 +16,10 @@ namespace identikal {
 namespace {
 
 using Eigen::Index;
+using Eigen::MatrixXd;
 using Id = FormulaGraph::Id;
+
+bool has_doses(const NonlinearModel& model) { return model.doses.values > 0; }
 
 std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<Id>& values,
                                          const std::vector<int>& by) {
@@ -39,6 +42,37 @@ Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
     }
   }
   return make_tape(graph, all);
+}
+
+bool is_zero(const FormulaGraph& graph, Id id) {
+  const FormulaGraph::Node& node = graph.node(id);
+  return node.op == Op::number && node.value == 0.0;
+}
+
+// Entries of the first nx columns that are not the number zero, or whose derivatives are not.
+std::vector<NonlinearModel::Entry> entries_not_zero(const FormulaGraph& graph,
+                                                    const std::vector<std::vector<Id>>& jacobian,
+                                                    Index nx) {
+  std::vector<NonlinearModel::Entry> out;
+  for (std::size_t i = 0; i < jacobian.size(); ++i) {
+    for (Index j = 0; j < nx; ++j) {
+      if (!is_zero(graph, jacobian[i][j])) out.push_back({static_cast<Index>(i), j});
+    }
+  }
+  return out;
+}
+std::vector<NonlinearModel::Entry> entries_that_move(FormulaGraph& graph,
+                                                     const std::vector<std::vector<Id>>& jacobian,
+                                                     Index nx, const std::vector<int>& by) {
+  std::vector<NonlinearModel::Entry> out;
+  for (const NonlinearModel::Entry& each : entries_not_zero(graph, jacobian, nx)) {
+    const std::vector<Id> second =
+        graph.gradient(jacobian[static_cast<std::size_t>(each.row)][each.column], by);
+    const bool moves =
+        std::any_of(second.begin(), second.end(), [&](Id id) { return !is_zero(graph, id); });
+    if (moves) out.push_back(each);
+  }
+  return out;
 }
 
 // States, inputs and the time.
@@ -112,75 +146,85 @@ void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives ord
   std::copy_n(m.values.data() + nx + m.J.size(), m.H.size(), m.H.data());
 }
 
-// out = by [inner; 0 I]: derivatives by the step's begin of what has derivatives `by` at a state
-// that itself has the derivatives `inner`. Plain loops over two states at a time: Eigen's are slow
-// on a few columns.
+// out.row(to) += weight from.row(at). A plain loop: Eigen's is slow on a few columns.
+template <class Out, class From>
+void add_row(Out& out, Index to, double weight, const From& from, Index at) {
+  if (weight == 0.0) return;
+  const Index columns = out.cols();
+  double* __restrict const row = out.data() + columns * to;
+  const double* const other = from.data() + columns * at;
+  for (Index c = 0; c < columns; ++c) row[c] += weight * other[c];
+}
+
+// Row i of by [inner; 0 I]: derivatives by the step's begin of what has derivatives `by` at a state
+// that itself has the derivatives `inner`.
 template <class Inner, class Out>
-void chain(const ModelMemory::Rows& by, const Inner& inner, Out&& out) {
+void chain_row(const ModelMemory::Rows& by, Index i, const Inner& inner, Out& out) {
   const Index nx = inner.rows(), columns = by.cols();
-  for (Index i = 0; i < by.rows(); ++i) {
-    const double* const slope = by.data() + columns * i;
-    double* __restrict const row = out.data() + columns * i;
-    const double* from = inner.data();
-    Index j = nx % 2;
-    for (Index c = 0; c < columns; ++c) row[c] = j == 0 ? 0.0 : slope[0] * from[c];
-    for (from += columns * j; j < nx; j += 2, from += 2 * columns) {
-      const double a = slope[j], b = slope[j + 1];
-      const double* const next = from + columns;
-      for (Index c = 0; c < columns; ++c) row[c] += a * from[c] + b * next[c];
-    }
-    for (Index c = nx; c < columns; ++c) row[c] += slope[c];
-  }
+  const double* const slope = by.data() + columns * i;
+  double* const row = out.data() + columns * i;
+  for (Index c = 0; c < columns; ++c) row[c] = c < nx ? 0.0 : slope[c];
+  for (Index j = 0; j < nx; ++j) add_row(out, i, slope[j], inner, j);
 }
 
 // Derivatives of the rates by the step's begin, from those of the stage's state.
-void chain_jacobian(const MotionParts& parts, ModelMemory& m, Derivatives order) {
+void chain_jacobian(const NonlinearModel& model, const MotionParts& parts, ModelMemory& m,
+                    Derivatives order) {
   const auto S = parts.jacobian(m.stage);
-  chain(m.J, S, parts.jacobian(m.rate));
+  const Index nx = S.rows();
+  auto moved = parts.jacobian(m.rate);
+  for (Index i = 0; i < nx; ++i) chain_row(m.J, i, S, moved);
   if (order == Derivatives::first) return;
   // d/dtheta (f_x S_x) = f_x dS_x + df_x S_x
-  chain(m.H, S, m.turned);
-  const Index nx = S.rows();
   const auto V = parts.curvature(m.stage);
   auto rate = parts.curvature(m.rate);
   rate.setZero();
+  for (const auto& [i, l] : model.rate_slopes) {
+    for (Index j = 0; j < nx; ++j) add_row(rate, i + nx * j, m.J(i, l), V, l + nx * j);
+  }
+  for (const auto& [i, l] : model.rate_curved) {
+    chain_row(m.H, i + nx * l, S, m.turned);
+    for (Index j = 0; j < nx; ++j) add_row(rate, i + nx * j, S(l, j), m.turned, i + nx * l);
+  }
+}
+
+// out += half + half', whose rows are entries (i, j) of symmetric matrices.
+template <class Rows>
+void add_both_triangles(const ModelMemory::Rows& half, Index nx, Rows& out) {
   for (Index j = 0; j < nx; ++j) {
-    for (Index l = 0; l < nx; ++l) {
-      for (Index i = 0; i < nx; ++i) {
-        rate.row(i + nx * j) += m.J(i, l) * V.row(l + nx * j) + S(l, j) * m.turned.row(i + nx * l);
-      }
+    for (Index i = 0; i < nx; ++i) {
+      add_row(out, i + nx * j, 1.0, half, i + nx * j);
+      add_row(out, i + nx * j, 1.0, half, j + nx * i);
     }
   }
 }
 
 // W' = f_x W + W f_x' + Q, and its derivatives with respect to the step's begin.
-void add_gramian_rates(const MotionParts& parts, ModelMemory& m, Derivatives order) {
+void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, ModelMemory& m,
+                       Derivatives order) {
   const auto W = parts.gramians(m.stage);
   const Index nx = m.J.rows();
   auto rate = parts.gramians(m.rate);
   rate = m.densities;
-  for (Index j = 0; j < nx; ++j) {
-    for (Index i = 0; i < nx; ++i) {
-      for (Index l = 0; l < nx; ++l) {
-        rate.row(i + nx * j) += m.J(i, l) * W.row(l + nx * j) + m.J(j, l) * W.row(i + nx * l);
-      }
-    }
+  m.half.setZero(nx * nx, W.cols());
+  for (const auto& [i, l] : model.rate_slopes) {
+    for (Index j = 0; j < nx; ++j) add_row(m.half, i + nx * j, m.J(i, l), W, l + nx * j);
   }
+  add_both_triangles(m.half, nx, rate);
   if (order == Derivatives::first) return;
   const auto V = parts.gramian_jacobian(m.stage);
   auto jacobian = parts.gramian_jacobian(m.rate);
   jacobian.setZero();
-  for (Index j = 0; j < nx; ++j) {
-    for (Index i = 0; i <= j; ++i) {
-      auto&& row = jacobian.row(i + nx * j);
-      for (Index l = 0; l < nx; ++l) {
-        row += m.J(i, l) * V.row(l + nx * j) + m.J(j, l) * V.row(i + nx * l) +
-               W(l + nx * j, 0) * m.turned.row(i + nx * l) +
-               W(l + nx * i, 0) * m.turned.row(j + nx * l);
-      }
-      if (i != j) jacobian.row(j + nx * i) = row;
+  m.half.setZero(nx * nx, V.cols());
+  for (const auto& [i, l] : model.rate_slopes) {
+    for (Index j = 0; j < nx; ++j) add_row(m.half, i + nx * j, m.J(i, l), V, l + nx * j);
+  }
+  for (const auto& [i, l] : model.rate_curved) {
+    for (Index j = 0; j < nx; ++j) {
+      add_row(m.half, i + nx * j, W(l + nx * j, 0), m.turned, i + nx * l);
     }
   }
+  add_both_triangles(m.half, nx, jacobian);
 }
 
 // Stamps that are irregular have an interval each: what would be kept is not met again.
@@ -216,8 +260,8 @@ void follow_motion(const NonlinearModel& model, ModelMemory& m, const InputNodes
       evaluate_rates(model, m, order, m.stage.data(),
                      inputs.u.col(first + 2 * i + stage.node).data(),
                      inputs.time[k] + (i + stage.reach) * h);
-      chain_jacobian(parts, m, order);
-      if (noisy) add_gramian_rates(parts, m, order);
+      chain_jacobian(model, parts, m, order);
+      if (noisy) add_gramian_rates(model, parts, m, order);
       sum += (stage.weight * h) * rate;
     }
     m.begin.swap(m.sum);
@@ -299,6 +343,30 @@ void step_linear_in_state(const NonlinearModel& model, ModelMemory& m, const Inp
   m.repeated.push_back(std::move(made));
 }
 
+void add_doses(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+               Eigen::Ref<Eigen::VectorXd> x) {
+  write_point(model, m.doses, x.data(), inputs.at_sample.col(k).data(), inputs.time[k]);
+  evaluate_jacobian(model.doses, m.doses, span_of(m.dose), span_of(m.dose_jacobian));
+  x += m.dose;
+}
+
+// V(x + d(p), p) moves with p by V_x d_p as well.
+void chain_doses(const NonlinearModel& model, const ModelMemory& m, Jacobian& jacobian,
+                 Derivatives order, Gramians* gramians) {
+  const Index nx = model.states;
+  const auto d_p = m.dose_jacobian.rightCols(model.columns);
+  const auto add = [&](MatrixXd& by) {
+    by.rightCols(model.columns) += by.leftCols(nx).lazyProduct(d_p);
+  };
+  jacobian.wrt_p += jacobian.wrt_x.lazyProduct(d_p);
+  if (order == Derivatives::first) return;
+  add(jacobian.wrt_x_jacobian);
+  if (gramians != nullptr) add(gramians->jacobian);
+}
+
+void move(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+          Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian, Derivatives order, Gramians* gramians);
+
 }  // namespace
 
 FormulaNodes insert_formulas(const ModelFormulas& formulas) {
@@ -317,6 +385,7 @@ FormulaNodes insert_formulas(const ModelFormulas& formulas) {
     out.dynamics.push_back(out.graph.insert(f, symbols));
   }
   for (const Expression& h : formulas.outputs) out.outputs.push_back(out.graph.insert(h, symbols));
+  for (const Expression& d : formulas.doses) out.doses.push_back(out.graph.insert(d, symbols));
   return out;
 }
 
@@ -337,7 +406,8 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   std::vector<int> by = symbol_range(0, nodes.states);
   const auto occurs = [&](int symbol) {
     const auto holds = [&](Id root) { return !graph.is_free_of(root, {&symbol, 1}); };
-    return std::any_of(f.begin(), f.end(), holds) || std::any_of(h.begin(), h.end(), holds);
+    return std::any_of(f.begin(), f.end(), holds) || std::any_of(h.begin(), h.end(), holds) ||
+           std::any_of(nodes.doses.begin(), nodes.doses.end(), holds);
   };
   for (int i = 0; i < nodes.parameters; ++i) {
     const int symbol = nodes.states + nodes.inputs + i;
@@ -370,8 +440,14 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
       std::all_of(f.begin(), f.end(), [&](Id rate) { return graph.is_free_of(rate, driving); });
   out.rate_jacobian = make_tape(graph, f, by_f);
   out.output_jacobian = make_tape(graph, h, by_h);
+  if (!nodes.doses.empty()) {
+    out.doses = make_tape(graph, nodes.doses, jacobian_of(graph, nodes.doses, by));
+  }
+  out.rate_slopes = entries_not_zero(graph, by_f, out.states);
   if (order == Derivatives::second) {
     const auto nx = static_cast<std::size_t>(nodes.states);
+    out.rate_curved = entries_that_move(graph, by_f, out.states, by);
+    out.output_curved = entries_that_move(graph, by_h, out.states, by);
     out.rate_curvature = curvature_tape(graph, f, by_f, nx, by);
     out.output_curvature = curvature_tape(graph, h, by_h, nx, by);
   }
@@ -458,6 +534,11 @@ ModelMemory make_memory(const NonlinearModel& model) {
   const Index second = model.order == Derivatives::second ? nx * nx : 0;
   ModelMemory out;
   out.rates = make_memory(model.rates);
+  if (has_doses(model)) {
+    out.doses = make_memory(model.doses);
+    out.dose.setZero(nx);
+    out.dose_jacobian.setZero(nx, columns);
+  }
   out.rate_jacobian = make_memory(model.rate_jacobian);
   out.output_jacobian = make_memory(model.output_jacobian);
   out.rate_curvature = make_memory(model.rate_curvature);
@@ -485,6 +566,7 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
   write(model.rates, memory.rates);
   write(model.rate_jacobian, memory.rate_jacobian);
   write(model.output_jacobian, memory.output_jacobian);
+  if (has_doses(model)) write(model.doses, memory.doses);
   if (model.order == Derivatives::first) return;
   write(model.rate_curvature, memory.rate_curvature);
   write(model.output_curvature, memory.output_curvature);
@@ -493,6 +575,7 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
 void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
           Eigen::Ref<Eigen::VectorXd> x) {
   check_step_arguments(model, inputs, k);
+  if (has_doses(model)) add_doses(model, m, inputs, k, x);
   const auto interval = static_cast<std::size_t>(k);
   const Index first = inputs.first[interval];
   const Index nx = model.states;
@@ -523,6 +606,16 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
           Gramians* gramians) {
   check_step_arguments(model, inputs, k);
   check_order(model, order);
+  if (has_doses(model)) add_doses(model, m, inputs, k, x);
+  move(model, m, inputs, k, x, jacobian, order, gramians);
+  if (has_doses(model)) chain_doses(model, m, jacobian, order, gramians);
+}
+
+namespace {
+
+void move(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+          Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian, Derivatives order,
+          Gramians* gramians) {
   const Index nx = model.states, np = model.columns;
   const bool noisy = gramians != nullptr;
   if (noisy && (!model.continuous || gramians->densities.rows() != nx * nx ||
@@ -553,6 +646,8 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     follow_motion(model, m, inputs, k, x, jacobian, order, gramians);
   }
 }
+
+}  // namespace
 
 void observe(const NonlinearModel& model, ModelMemory& m,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,

@@ -19,6 +19,9 @@ struct ModelFormulas {
   std::vector<Expression> definitions;
   std::vector<Expression> dynamics;  ///< per state: x' = f(x, u, p, t) or x(t+1) = f(x, u, p, t)
   std::vector<Expression> outputs;   ///< y = h(x, u, p, t)
+  /// Per state, what is added to it at a sample, as soon as that has been measured: d(u, p, t). Empty:
+  /// nothing.
+  std::vector<Expression> doses;
   bool continuous = true;
 };
 
@@ -33,6 +36,7 @@ struct FormulaNodes {
   std::vector<FormulaGraph::Id> dynamics, outputs;
   int states = 0, inputs = 0, parameters = 0;
   bool continuous = true;
+  std::vector<FormulaGraph::Id> doses = {};
 };
 FormulaNodes insert_formulas(const ModelFormulas& formulas);
 
@@ -53,6 +57,13 @@ struct NonlinearModel {
   /// Derivatives::second: as values of one tape f, df/dz row by row, and the derivatives of df/dx
   /// with respect to z; and the same of h.
   Tape rate_curvature, output_curvature;
+  /// Entries of df/dx that are not zero for every x, u, p and t; of those, and of dh/dx, the ones
+  /// that z moves (Derivatives::second). Most entries of most models are zero.
+  struct Entry {
+    Eigen::Index row, column;
+  };
+  std::vector<Entry> rate_slopes, rate_curved, output_curved;
+  Tape doses;  ///< with derivatives by z; of no values: no doses
 };
 
 /// @param known  per parameter: nothing is differentiated with respect to it, which costs time;
@@ -172,16 +183,18 @@ struct RepeatedStep {
 /// Memory of an evaluation, one per thread; parameters are those last set.
 struct ModelMemory {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  TapeMemory rates, rate_jacobian, output_jacobian, rate_curvature, output_curvature;
+  TapeMemory rates, rate_jacobian, output_jacobian, rate_curvature, output_curvature, doses;
   /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
   /// are requested, its derivatives, one after the other.
   Eigen::VectorXd begin, stage, rate, sum;
   Rows J, H, turned;       ///< derivatives of f with respect to [x; p] at the stage, and of those
                            ///< with respect to x
-  Rows densities;          ///< of Gramians
+  Rows densities, half;    ///< of Gramians, and of their rates
   Eigen::VectorXd values;  ///< of a curvature tape
   Eigen::VectorXd y;       ///< ny
   Rows y_jacobian;         ///< ny x (nx + columns)
+  Eigen::VectorXd dose;    ///< nx
+  Rows dose_jacobian;      ///< nx x (nx + columns)
   StepControl control;
   std::vector<RepeatedStep> repeated;  ///< since the parameters were set
 };
@@ -191,7 +204,7 @@ ModelMemory make_memory(const NonlinearModel& model);
 void set_parameters(const NonlinearModel& model, ModelMemory& memory,
                     const Eigen::Ref<const Eigen::VectorXd>& p);
 
-/// Moves x from sample k to sample k + 1, 0-based: in continuous time by the classical fourth-order
+/// Moves x from sample k to sample k + 1, 0-based, from x + d(u(k), p, t(k)): in continuous time by the classical fourth-order
 /// Runge-Kutta method, or as controlled_nodes() says, in discrete time by f with the inputs at
 /// sample k. What overflows or leaves a function's domain becomes infinite or NaN; the caller looks.
 /// @param x  nx

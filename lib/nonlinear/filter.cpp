@@ -196,6 +196,7 @@ class NonlinearRecursion {
         output_error_(is_output_error(noise, directions)),
         scaled_(options, p, noise, directions),
         unscented_(options.method == NonlinearMethod::unscented),
+        curved_outputs_(!model.output_curved.empty()),
         order_(k_ > 0 && !output_error_ ? Derivatives::second : Derivatives::first),
         outputs_(make_output_moments(nx_, ny_, k_)),
         update_(nx_, ny_, k_) {
@@ -270,6 +271,7 @@ class NonlinearRecursion {
     dH_.setZero(ny_ * nx_, k_);
     dPhi_.setZero(nn, k_);
     dT_ = dPhi_;
+    half_ = dPhi_;
     iterations_.resize(nx_, ny_);
     if (!unscented_ || output_error_) return;
     weights_ = point_weights(options_.weights, nx_);
@@ -406,13 +408,15 @@ class NonlinearRecursion {
     if (k_ > 0) {
       // K minimises P+, so its own derivative drops out: T dP T' - (K dH) X - X' (K dH)' + K dR K'.
       set_congruence(T_, now_.dP, dT_, next_.dP);
-      for (Index l = 0; l < nx_; ++l) {  // dT = -K dH
-        for (Index i = 0; i < nx_; ++i) {
-          dT_.row(i + nx_ * l).setZero();
-          for (Index a = 0; a < ny_; ++a) add_row(dT_, i + nx_ * l, -K(i, a), dH_, a + ny_ * l);
+      if (curved_outputs_) {
+        for (Index l = 0; l < nx_; ++l) {  // dT = -K dH
+          for (Index i = 0; i < nx_; ++i) {
+            dT_.row(i + nx_ * l).setZero();
+            for (Index a = 0; a < ny_; ++a) add_row(dT_, i + nx_ * l, -K(i, a), dH_, a + ny_ * l);
+          }
         }
+        add_turned(dT_, X_, half_, next_.dP);
       }
-      add_turned(dT_, X_, next_.dP);
       add_gain_noise(K, dR_, next_.dP);
     }
     std::swap(now_, next_);
@@ -420,7 +424,7 @@ class NonlinearRecursion {
 
   void linearisation_derivatives() {
     const MatrixXd& H = seen_slopes_.wrt_x;
-    chain_.set(seen_slopes_.wrt_x_jacobian, dxi_, dH_);
+    if (curved_outputs_) chain_.set(seen_slopes_.wrt_x_jacobian, dxi_, dH_);
     // e = y - h(xi) - H (x - xi): what xi moves by itself cancels in the first order.
     outputs_.de.setZero();
     chain_.add(H, seen_slopes_.wrt_p, now_.dx, outputs_.de, 0, -1.0);
@@ -428,22 +432,26 @@ class NonlinearRecursion {
       const double away = now_.x[l] - xi_[l];
       if (away != 0.0) outputs_.de -= away * dH_.middleRows(ny_ * l, ny_);
     }
-    for (Index a = 0; a < ny_; ++a) {
+    for (Index a = 0; a < ny_; ++a) {  // what is missing is left out later
+      if (!update_.is_present(a)) continue;
       for (Index i = 0; i < nx_; ++i) {
         const Index entry = i + nx_ * a;
         outputs_.dM.row(entry).setZero();
-        for (Index l = 0; l < nx_; ++l) {
-          add_row(outputs_.dM, entry, H(a, l), now_.dP, i + nx_ * l);
+        for (Index l = 0; l < nx_; ++l) add_row(outputs_.dM, entry, H(a, l), now_.dP, i + nx_ * l);
+        for (Index l = 0; curved_outputs_ && l < nx_; ++l) {
           add_row(outputs_.dM, entry, now_.P(i, l), dH_, a + ny_ * l);
         }
       }
     }
     for (Index b = 0; b < ny_; ++b) {
       for (Index a = 0; a < ny_; ++a) {
+        if (!update_.is_present(a) || !update_.is_present(b)) continue;
         const Index entry = a + ny_ * b;
         outputs_.dSigma.row(entry) = dR_.row(entry);
         for (Index l = 0; l < nx_; ++l) {
           add_row(outputs_.dSigma, entry, H(a, l), outputs_.dM, l + nx_ * b);
+        }
+        for (Index l = 0; curved_outputs_ && l < nx_; ++l) {
           add_row(outputs_.dSigma, entry, outputs_.M(l, b), dH_, a + ny_ * l);
         }
       }
@@ -470,7 +478,7 @@ class NonlinearRecursion {
     if (k_ > 0) {
       chain_.set(moved_slopes_.wrt_x_jacobian, now_.dx, dPhi_);
       set_congruence(Phi, now_.dP, dT_, next_.dP);
-      add_turned(dPhi_, X_, next_.dP);
+      add_turned(dPhi_, X_, half_, next_.dP);
       next_.dP += dW_;
       next_.dx.setZero();
       chain_.add(Phi, moved_slopes_.wrt_p, now_.dx, next_.dx);
@@ -540,7 +548,7 @@ class NonlinearRecursion {
       }
       next_.dP.setZero();
       X_ = T_.transpose();
-      add_turned(dT_, X_, next_.dP);
+      add_turned(dT_, X_, half_, next_.dP);
       add_gain_noise(K, s.drest, next_.dP);
     }
     std::swap(now_, next_);
@@ -593,7 +601,7 @@ class NonlinearRecursion {
     now_.dx = s.dmean;
     now_.dP = s.drest + dW_;
     X_ = s.A.transpose();
-    add_turned(s.dA, X_, now_.dP);
+    add_turned(s.dA, X_, half_, now_.dP);
   }
 
   const NonlinearModel& model_;
@@ -606,7 +614,7 @@ class NonlinearRecursion {
   const Index nx_, ny_, k_;
   const bool density_, output_error_;
   ScaledNoise scaled_;
-  const bool unscented_;
+  const bool unscented_, curved_outputs_;
   const Derivatives order_;
 
   FilterResult* store_ = nullptr;
@@ -626,7 +634,7 @@ class NonlinearRecursion {
   Gramians gramians_;
   std::vector<Index> moving_densities_;  // directions with a column of their own there
   MatrixXd R_, W_, T_, X_;
-  Stack dW_, dQ_, dR_, dH_, dPhi_, dT_;
+  Stack dW_, dQ_, dR_, dH_, dPhi_, dT_, half_;
   PointWeights weights_{};
   MatrixXd L_;
   Stack dL_;

@@ -121,6 +121,7 @@ class FormulaReader {
     read_time();
     read_definitions();
     read_dynamics();
+    read_doses();
     const PhysicalNames physical{state_names(), read_outputs(), input_dimensions(),
                                  symbols_.with_units};
     read_spreads(physical.outputs);
@@ -223,8 +224,8 @@ class FormulaReader {
         if (each.op == Op::symbol && symbol >= first) used[symbol - first] = true;
       }
     };
-    for (const auto* formulas :
-         {&formulas_.definitions, &formulas_.dynamics, &formulas_.outputs, &references_}) {
+    for (const auto* formulas : {&formulas_.definitions, &formulas_.dynamics, &formulas_.outputs,
+                                 &formulas_.doses, &references_}) {
       std::for_each(formulas->begin(), formulas->end(), look_at);
     }
     for (const NoiseSpread& spread : spreads_) look_at(spread.formula);
@@ -269,6 +270,62 @@ class FormulaReader {
       if (formulas_.continuous) wanted.exponent[2] -= 1.0;
       check(*given, formulas_.dynamics.back(), wanted,
             (formulas_.continuous ? "the rate of change of " : "the next ") + in_quotes(names[i]));
+    }
+  }
+
+  // What is added to states at rows: formulas of inputs, parameters and the time.
+  void read_doses() {
+    const YamlNode* node = find(root_, "doses");
+    if (node == nullptr) return;
+    std::vector<std::string> names;
+    for (const StateName& state : out_.states) names.push_back(state.name);
+    check_keys(*node, "doses", names);
+    if (!general_.irregular) {
+      throw InputError(node->at, "doses are given at rows, which a step would move",
+                       "time: {sampling: irregular} with a column of time stamps");
+    }
+    formulas_.doses.assign(names.size(), parse_expression("0", symbols_.names));
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const YamlNode* given = find(*node, names[i]);
+      if (given == nullptr) continue;
+      const std::string what = fmt::format("the dose of '{}'", names[i]);
+      Expression& dose = formulas_.doses[i] = formula(*given, what);
+      check(*given, dose, symbols_.dimensions[i], what);
+      for (const Expression::Node& each : dose.nodes) {
+        if (each.op != Op::symbol || !is_state(each.symbol)) continue;
+        throw InputError(place_in(*given, each.column),
+                         in_quotes(symbols_.names[each.symbol]) + " is a state",
+                         "inputs, parameters, the time t");
+      }
+    }
+    take_empty_doses_as_zero();
+  }
+
+  // Also through a definition.
+  bool is_state(int symbol) const {
+    if (symbol < formulas_.states) return true;
+    const auto first = symbols_.names.size() - formulas_.definitions.size();
+    if (static_cast<std::size_t>(symbol) < first) return false;
+    const Expression& same = formulas_.definitions[static_cast<std::size_t>(symbol) - first];
+    return std::any_of(same.nodes.begin(), same.nodes.end(), [&](const Expression::Node& each) {
+      return each.op == Op::symbol && is_state(each.symbol);
+    });
+  }
+
+  // Inputs that stand in doses alone.
+  void take_empty_doses_as_zero() {
+    const auto holds = [&](const std::vector<Expression>& formulas, int input) {
+      return std::any_of(formulas.begin(), formulas.end(), [&](const Expression& formula) {
+        return std::any_of(formula.nodes.begin(), formula.nodes.end(), [&](const auto& each) {
+          return each.op == Op::symbol && each.symbol == input;
+        });
+      });
+    };
+    for (std::size_t i = 0; i < out_.inputs.size(); ++i) {
+      const int input = formulas_.states + static_cast<int>(i);
+      out_.inputs[i].empty_is_zero = holds(formulas_.doses, input) &&
+                                     !holds(formulas_.dynamics, input) &&
+                                     !holds(formulas_.definitions, input);
     }
   }
 
@@ -356,7 +413,8 @@ class FormulaReader {
     LinearModel out;
     const bool scaled = std::any_of(spreads_.begin(), spreads_.end(),
                                     [](const NoiseSpread& each) { return each.of_state; });
-    const bool may_be_linear = reading_ == FormulaReading::linear && !wraps && !scaled;
+    const bool may_be_linear =
+        reading_ == FormulaReading::linear && !wraps && !scaled && formulas_.doses.empty();
     if (may_be_linear && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
       const bool held = general_.inputs == InputPath::constant;
       std::optional<LinearModel> linear = in_formula(*find(root_, "dynamics"), [&] {

@@ -179,6 +179,7 @@ void InnovationUpdate::add_terms(const OutputMoments& m, MatrixXd* score_product
   if (!constant_ || constant_moves_) {
     for (Index b = 0; b < ny_; ++b) {
       for (Index a = 0; a < ny_; ++a) {
+        if (!is_present(a) || !is_present(b)) continue;
         const double weight = 0.5 * (eps_[a] * eps_[b] - (a == b ? 1.0 : 0.0));
         score_ += weight * V_.row(a + ny_ * b);
       }
@@ -190,8 +191,11 @@ void InnovationUpdate::add_terms(const OutputMoments& m, MatrixXd* score_product
 
 void InnovationUpdate::add_noise_information(MatrixXd& to) const {
   for (Index b = 0; b < ny_; ++b) {
+    if (!is_present(b)) continue;
     add_outer(to, V_.row(b + ny_ * b), 0.5);
-    for (Index a = 0; a < b; ++a) add_outer(to, V_.row(a + ny_ * b), 1.0);
+    for (Index a = 0; a < b; ++a) {
+      if (is_present(a)) add_outer(to, V_.row(a + ny_ * b), 1.0);
+    }
   }
 }
 
