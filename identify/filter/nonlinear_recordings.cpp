@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "identify/filter/changing_recordings.h"
 #include "identify/model/own_parameters.h"
+#include "identify/model/starting_state.h"
 #include "lib/base/constants.h"
 #include "lib/nonlinear/integration_steps.h"
 
@@ -31,24 +33,40 @@ FilterNoise noise_of(const StateSpace& written) {
   return {written.G * written.Q * written.G.transpose(), written.R, written.x0, written.P0};
 }
 
-// From the recording's own start, where it has one.
-FilterNoise noise_of(const StateSpace& written, const Dataset& recording) {
-  FilterNoise out = noise_of(written);
-  if (recording.start_mean.size() == 0) return out;
-  out.x0 = recording.start_mean;
-  out.P0 = recording.start_covariance;
-  return out;
+struct StartedFilter {
+  FilterNoise noise;
+  std::vector<FilterDirection> directions;
+};
+
+// From where the motion rests before the recording.
+void start_at_rest(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
+                   StartedFilter& out) {
+  const Equilibrium from =
+      starting_state(model, formula_parameters(model, at), out.noise.x0, recording);
+  out.noise.x0 = from.x;
+  for (FilterDirection& each : out.directions) {
+    each.noise.x0 = (from.wrt_x * each.noise.x0).eval();
+    if (each.parameter < 0) continue;
+    const Index column = model.equations.column[static_cast<std::size_t>(each.parameter)];
+    if (column >= 0) each.noise.x0 += from.wrt_p.col(column);
+  }
 }
 
-// A start of the recording's own moves with no parameter.
-std::vector<FilterDirection> from_start_of(const Dataset& recording,
-                                           std::vector<FilterDirection> directions) {
-  if (recording.start_mean.size() == 0) return directions;
-  for (FilterDirection& each : directions) {
-    each.noise.x0.setZero();
-    each.noise.P0.setZero();
+// Noise and start in a recording. A start of its own moves with no parameter.
+StartedFilter started(const FormulaModel& model, const ParameterSet& at, const StateSpace& written,
+                      const Dataset& recording, std::vector<FilterDirection> directions = {}) {
+  StartedFilter out{noise_of(written), std::move(directions)};
+  if (recording.start_mean.size() > 0) {
+    out.noise.x0 = recording.start_mean;
+    out.noise.P0 = recording.start_covariance;
+    for (FilterDirection& each : out.directions) {
+      each.noise.x0.setZero();
+      each.noise.P0.setZero();
+    }
+  } else if (model.rests_at) {
+    start_at_rest(model, at, recording, out);
   }
-  return directions;
+  return out;
 }
 
 // d(G Q G') and the rest.
@@ -179,18 +197,17 @@ Integration integration_from(const Model& model, const ParameterSet& at, const D
                              const StateSpace& written) {
   const FormulaModel& formulas = as_formulas(model);
   const bool without_noise = moves_without_noise(formulas, at);
-  const VectorXd x0 = noise_of(written, recording).x0;
+  const FilterNoise noise = started(formulas, at, written, recording).noise;
   if (auto given = steps_of_file(model, recording)) {
-    return {*given, without_noise && !follow(formulas, at, recording, given->steps, x0)};
+    return {*given, without_noise && !follow(formulas, at, recording, given->steps, noise.x0)};
   }
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
-  Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at),
-                                    noise_of(written, recording), recording.time, recording.u,
-                                    formulas.inputs, recording.y,
+  Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at), noise,
+                                    recording.time, recording.u, formulas.inputs, recording.y,
                                     filter_options(formulas, recording), tolerance)};
   out.controlled = without_noise && (out.steps.status != StepStatus::ok ||
-                                     !follow(formulas, at, recording, out.steps.steps, x0));
+                                     !follow(formulas, at, recording, out.steps.steps, noise.x0));
   return out;
 }
 
@@ -222,7 +239,7 @@ void NonlinearSteps::set(const ParameterSet& given) {
   const FormulaModel& formulas = as_formulas(model_);
   const ParameterSet at = values_in(given, recording_);
   set_parameters(formulas.equations, memory_, formula_parameters(formulas, at));
-  noise_ = noise_of(written_matrices(formulas.noise, at), recording_);
+  noise_ = started(formulas, at, written_matrices(formulas.noise, at), recording_).noise;
   if (!noise_.R.isDiagonal(0.0)) {
     throw InputError({model_.source, 0, 0}, "outputs whose noises are correlated",
                      "a diagonal R: every output has a noise of its own");
@@ -309,11 +326,11 @@ Likelihood NonlinearRecordings::evaluate_one(const ParameterSet& at, std::size_t
                                              const std::vector<FilterDirection>& by,
                                              MatrixXd* score_products) {
   const FormulaModel& model = as_formulas(model_);
+  const StartedFilter start = started(model, at, written, recordings_[recording], by);
   const auto through = [&](const InputNodes& nodes) {
     return nonlinear_likelihood(model.equations, memory_, formula_parameters(model, at),
-                                noise_of(written, recordings_[recording]),
-                                from_start_of(recordings_[recording], by), nodes,
-                                recordings_[recording].y, options_[recording], score_products);
+                                start.noise, start.directions, nodes, recordings_[recording].y,
+                                options_[recording], score_products);
   };
   const Likelihood out = through(inputs);
   if (out.status != FilterStatus::not_finite || !without_noise_ || inputs.tolerance > 0.0) {
@@ -359,10 +376,10 @@ FilterStatus NonlinearRecordings::watch(const ParameterSet& at, bool with_deriva
   const std::vector<FilterDirection> by = with_derivatives
                                               ? directions(model, noise_[recording], at, written)
                                               : std::vector<FilterDirection>{};
-  return watch_filtered_states(model.equations, memory_, formula_parameters(model, at),
-                               noise_of(written, recordings_[recording]),
-                               from_start_of(recordings_[recording], by), inputs_[recording],
-                               recordings_[recording].y, options_[recording], see)
+  const StartedFilter start = started(model, at, written, recordings_[recording], by);
+  return watch_filtered_states(model.equations, memory_, formula_parameters(model, at), start.noise,
+                               start.directions, inputs_[recording], recordings_[recording].y,
+                               options_[recording], see)
       .status;
 }
 
@@ -380,7 +397,9 @@ NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Datase
                                                 Random& random) {
   const FormulaModel& formulas = as_formulas(model);
   const ParameterSet at = values_in(model.parameters, recording);
-  const FilterNoise noise = noise_of(written_matrices(formulas.noise, at));
+  StartedFilter start{noise_of(written_matrices(formulas.noise, at)), {}};
+  if (formulas.rests_at) start_at_rest(formulas, at, recording, start);
+  const FilterNoise& noise = start.noise;
   const Integration integration =
       motion_integration(model, at, recording, noise.x0, noise.Q.isZero(0.0));
   const IntegrationSteps& steps = integration.steps;
@@ -434,20 +453,21 @@ FilterResult nonlinear_filter(const Model& model, const ParameterSet& given,
                               const Dataset& recording, Keep keep) {
   const FormulaModel& formulas = as_formulas(model);
   const ParameterSet at = values_in(given, recording);
-  return nonlinear_filter(formulas.equations, formula_parameters(formulas, at),
-                          noise_of(written_matrices(formulas.noise, at), recording),
-                          filter_nodes(model, at, recording), recording.y,
-                          filter_options(formulas, recording), keep);
+  return nonlinear_filter(
+      formulas.equations, formula_parameters(formulas, at),
+      started(formulas, at, written_matrices(formulas.noise, at), recording).noise,
+      filter_nodes(model, at, recording), recording.y, filter_options(formulas, recording), keep);
 }
 
 SmootherResult nonlinear_smoother(const Model& model, const ParameterSet& given,
                                   const Dataset& recording, std::optional<Index> lag) {
   const FormulaModel& formulas = as_formulas(model);
   const ParameterSet at = values_in(given, recording);
-  return nonlinear_smoother(formulas.equations, formula_parameters(formulas, at),
-                            noise_of(written_matrices(formulas.noise, at), recording),
-                            filter_nodes(model, at, recording), recording.y,
-                            filter_options(formulas, recording), lag, SmootherKeep::deviations);
+  return nonlinear_smoother(
+      formulas.equations, formula_parameters(formulas, at),
+      started(formulas, at, written_matrices(formulas.noise, at), recording).noise,
+      filter_nodes(model, at, recording), recording.y, filter_options(formulas, recording), lag,
+      SmootherKeep::deviations);
 }
 
 }  // namespace identikal

@@ -87,6 +87,9 @@ struct FormulaModel {
   NonlinearMethod filter = NonlinearMethod::extended;
   /// Per recording: the state at its first sample, in place of noise.x0. Empty: that for all of them.
   std::vector<ParametrisedMatrix> starts;
+  /// The state at the first sample is where the motion from that start rests while inputs stay at
+  /// these numbers, SI; an input without one at its first sample. Empty: the start itself.
+  std::optional<std::vector<std::optional<double>>> rests_at;
 };
 
 /// Matrices as a FormulaModel that is linear.

@@ -137,6 +137,13 @@ Model simulation_model(Model model, const std::vector<Dataset>& recordings) {
   FormulaModel& formulas = as_formulas(model);
   LinearModel& noise = formulas.noise;
   const StateSpace written = written_matrices(noise, model.parameters);
+  if (formulas.rests_at && !written.P0.isZero(0.0)) {
+    throw InputError({model.source, 0, 0},
+                     "a start in a steady state that has standard deviations, and the objective "
+                     "'simulation'",
+                     "a steady state without 'sd', or a start with it",
+                     "a simulation has one start, known or unknown");
+  }
   noise.P0 = constant_matrix(MatrixXd::Zero(written.P0.rows(), written.P0.cols()));
   if (recordings.size() == 1) {
     noise.x0 = unknown_start(model, written, 0, true);

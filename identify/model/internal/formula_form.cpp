@@ -11,6 +11,7 @@
 #include "identify/model/internal/recordings_form.h"
 #include "identify/model/internal/reference_form.h"
 #include "identify/model/internal/scale_form.h"
+#include "identify/model/internal/yaml_tree.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
 #include "identify/model/row_order.h"
@@ -19,6 +20,8 @@
 
 namespace identikal {
 namespace {
+
+constexpr const char* kSteadyState = "steady-state";
 
 // The symbols of a model's formulas, in the order of lib/model/nonlinear_model.h.
 struct Symbols {
@@ -122,6 +125,7 @@ class FormulaReader {
     read_definitions();
     read_dynamics();
     read_doses();
+    read_rest();
     const PhysicalNames physical{state_names(), read_outputs(), input_dimensions(),
                                  symbols_.with_units};
     read_spreads(physical.outputs);
@@ -130,7 +134,7 @@ class FormulaReader {
                matrices);
     out_.student = read_student(root_, parameters_);
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
-    read_initial(root_, physical, parameters_, matrices);
+    read_initial(at_rest_ ? with_start_at_rest() : root_, physical, parameters_, matrices);
     if (reading_ == FormulaReading::as_written) give_start(matrices);
     if (!is_linear_) refuse_what_only_linear_models_have(matrices);
     decide_form(std::move(matrices));
@@ -301,15 +305,86 @@ class FormulaReader {
     take_empty_doses_as_zero();
   }
 
-  // Also through a definition.
-  bool is_state(int symbol) const {
-    if (symbol < formulas_.states) return true;
+  // Does the symbol, or a definition that it is, hold one of these?
+  template <class IsWanted>
+  bool holds(int symbol, const IsWanted& is_wanted) const {
+    if (is_wanted(symbol)) return true;
     const auto first = symbols_.names.size() - formulas_.definitions.size();
     if (static_cast<std::size_t>(symbol) < first) return false;
     const Expression& same = formulas_.definitions[static_cast<std::size_t>(symbol) - first];
     return std::any_of(same.nodes.begin(), same.nodes.end(), [&](const Expression::Node& each) {
-      return each.op == Op::symbol && is_state(each.symbol);
+      return each.op == Op::symbol && holds(each.symbol, is_wanted);
     });
+  }
+  bool is_state(int symbol) const {
+    return holds(symbol, [&](int each) { return each < formulas_.states; });
+  }
+
+  // A start in a steady state: what inputs are before the recording.
+  void read_rest() {
+    const YamlNode* node = find(root_, "initial");
+    const YamlNode* kind = node;
+    if (node != nullptr && node->kind == YamlNode::Kind::mapping) kind = find(*node, "kind");
+    if (kind == nullptr || kind->kind != YamlNode::Kind::scalar || kind->text != kSteadyState)
+      return;
+    if (!formulas_.continuous) {
+      throw InputError(kind->at, "a steady state in discrete time", "time: {kind: continuous}");
+    }
+    refuse_time_in_dynamics();
+    at_rest_ = true;
+    general_.rests_at.emplace(out_.inputs.size());
+    const YamlNode* inputs = kind == node ? nullptr : find(*node, "inputs");
+    if (inputs == nullptr) return;
+    std::vector<std::string> names;
+    for (const ChannelSource& input : out_.inputs) names.push_back(input.name);
+    check_keys(*inputs, "inputs", names);
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const YamlNode* given = find(*inputs, names[i]);
+      if (given == nullptr) continue;
+      (*general_.rests_at)[i] = read_si(*given, out_.inputs[i].unit, in_quotes(names[i]));
+    }
+  }
+
+  void refuse_time_in_dynamics() const {
+    const int time = first_parameter_ + formulas_.parameters;
+    const YamlNode& node = *find(root_, "dynamics");
+    for (std::size_t i = 0; i < formulas_.dynamics.size(); ++i) {
+      for (const Expression::Node& each : formulas_.dynamics[i].nodes) {
+        if (each.op != Op::symbol || !holds(each.symbol, [&](int s) { return s == time; }))
+          continue;
+        const YamlNode& formula = *find(node, out_.states[i].name);
+        throw InputError(place_in(formula, each.column),
+                         "a steady state of dynamics that move with the time",
+                         "dynamics of states, inputs and parameters");
+      }
+    }
+  }
+
+  // The file with the start that the motion comes to rest from, zero where none is said.
+  YamlNode with_start_at_rest() const {
+    YamlNode out = root_;
+    YamlNode& initial = value_at(out, "initial");
+    if (initial.kind != YamlNode::Kind::mapping) {
+      const YamlNode written = initial;
+      initial = yaml_mapping();
+      initial.at = written.at;
+    } else {
+      YamlNode rest = yaml_mapping();
+      rest.at = initial.at;
+      for (std::size_t i = 0; i < initial.keys.size(); ++i) {
+        const std::string& key = initial.keys[i].text;
+        if (key == "kind" || key == "inputs") continue;
+        rest.keys.push_back(initial.keys[i]);
+        rest.items.push_back(initial.items[i]);
+      }
+      initial = std::move(rest);
+    }
+    if (find(initial, "mean") == nullptr) {
+      YamlNode& mean = value_at(initial, "mean");
+      for (const StateName& state : out_.states)
+        append(mean, state.name, yaml_scalar("0", initial));
+    }
+    return out;
   }
 
   // Inputs that stand in doses alone.
@@ -413,8 +488,8 @@ class FormulaReader {
     LinearModel out;
     const bool scaled = std::any_of(spreads_.begin(), spreads_.end(),
                                     [](const NoiseSpread& each) { return each.of_state; });
-    const bool may_be_linear =
-        reading_ == FormulaReading::linear && !wraps && !scaled && formulas_.doses.empty();
+    const bool may_be_linear = reading_ == FormulaReading::linear && !wraps && !scaled &&
+                               !at_rest_ && formulas_.doses.empty();
     if (may_be_linear && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
       const bool held = general_.inputs == InputPath::constant;
       std::optional<LinearModel> linear = in_formula(*find(root_, "dynamics"), [&] {
@@ -563,6 +638,7 @@ class FormulaReader {
   ModelFormulas formulas_;
   std::vector<Expression> references_;
   std::vector<NoiseSpread> spreads_;
+  bool at_rest_ = false;    // the start is a steady state
   bool is_linear_ = false;  // in the states, whatever inputs and time are
   FormulaModel general_;    // until the form is decided
 };

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "identify/model/starting_state.h"
 #include "lib/base/nearest_turn.h"
 #include "lib/nonlinear/filter.h"
 
@@ -89,11 +90,14 @@ void TrajectoryProblem::set_parameters_to(const VectorXd& p) {
   x0_.resize(equations().states, recordings());
   x0_by_unknowns_.assign(start_.size(), MatrixXd(equations().states, np));
   for (std::size_t r = 0; r < start_.size(); ++r) {
-    x0_.col(static_cast<Index>(r)) = written_matrices(start_[r], at_).x0;
+    const Equilibrium from = starting_state(as_formulas(model_), formula_values(equations(), at_),
+                                            written_matrices(start_[r], at_).x0, recordings_[r]);
+    x0_.col(static_cast<Index>(r)) = from.x;
     const std::vector<StateSpace> by = model_derivatives(start_[r], at_);
     for (Index i = 0; i < np; ++i) {
-      x0_by_unknowns_[r].col(i) =
-          by[static_cast<std::size_t>(unknowns_[static_cast<std::size_t>(i)])].x0;
+      const auto unknown = static_cast<std::size_t>(i);
+      x0_by_unknowns_[r].col(i) = from.wrt_x * by[static_cast<std::size_t>(unknowns_[unknown])].x0;
+      if (column_[unknown] >= 0) x0_by_unknowns_[r].col(i) += from.wrt_p.col(column_[unknown]);
     }
   }
 }

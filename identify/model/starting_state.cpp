@@ -1,0 +1,29 @@
+#include "identify/model/starting_state.h"
+
+#include <limits>
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+Equilibrium starting_state(const FormulaModel& model, const Eigen::Ref<const VectorXd>& p,
+                           const Eigen::Ref<const VectorXd>& x0, const Dataset& recording) {
+  const NonlinearModel& equations = model.equations;
+  if (!model.rests_at) {
+    return {true, x0, MatrixXd::Identity(equations.states, equations.states),
+            MatrixXd::Zero(equations.states, equations.columns)};
+  }
+  VectorXd u = recording.u.col(0);
+  for (std::size_t i = 0; i < model.rests_at->size(); ++i) {
+    if (const auto& given = (*model.rests_at)[i]) u[static_cast<Index>(i)] = *given;
+  }
+  ModelMemory memory = make_memory(equations);
+  set_parameters(equations, memory, p);
+  Equilibrium out = equilibrium(equations, memory, x0, u);
+  if (!out.found) out.x.setConstant(std::numeric_limits<double>::quiet_NaN());
+  return out;
+}
+
+}  // namespace identikal

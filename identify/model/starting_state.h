@@ -1,0 +1,25 @@
+// From which state does a recording begin, by the formulas of a model?
+#pragma once
+
+#include <Eigen/Core>
+
+#include "identify/model/model.h"
+#include "lib/data/dataset.h"
+#include "lib/model/equilibrium.h"
+
+namespace identikal {
+
+/// The start itself, or where the motion from it rests before the recording, as the model says
+/// (FormulaModel::rests_at). Where it does not come to rest the state is NaN.
+///
+/// Example:
+///
+///     const Equilibrium from = starting_state(model, p, x0, recording);
+///     const Eigen::MatrixXd by_p = from.wrt_x * x0_by_p + from.wrt_p;
+///
+/// @param p   of the model's equations, SI
+/// @param x0  as the file has it
+Equilibrium starting_state(const FormulaModel& model, const Eigen::Ref<const Eigen::VectorXd>& p,
+                           const Eigen::Ref<const Eigen::VectorXd>& x0, const Dataset& recording);
+
+}  // namespace identikal
