@@ -14,8 +14,9 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     const Equilibrium from = starting_state(model, p, x0, recording);
-///     const Eigen::MatrixXd by_p = from.wrt_x * x0_by_p + from.wrt_p;
+///     const Eigen::VectorXd p = Eigen::Vector2d(0.3, 1.2), x0 = Eigen::Vector2d::Zero();
+///     const Equilibrium from = starting_state(as_formulas(model), p, x0, recordings[0]);
+///     std::printf("x = %g, dx/dp = %g\n", from.x[0], from.wrt_p(0, 0));
 ///
 /// @param p   of the model's equations, SI
 /// @param x0  as the file has it

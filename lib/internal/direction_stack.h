@@ -7,20 +7,24 @@
 
 #include <Eigen/Core>
 
+#include "lib/internal/add_scaled.h"
+
 namespace identikal {
 
 /// The derivatives of a matrix by k directions: row i + rows j holds those of entry (i, j).
 using Stack = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// out.row(i) += weight from.row(j). A plain loop: Eigen's is slow on a few columns; most entries
-/// of most models' matrices are zero.
+/// out.row(i) += weight from.row(j).
 template <class From>
 inline void add_row(Stack& out, Eigen::Index i, double weight, const From& from, Eigen::Index j) {
-  if (weight == 0.0) return;
   const Eigen::Index k = out.cols();
-  double* __restrict const to = out.data() + k * i;
-  const double* const row = from.data() + k * j;
-  for (Eigen::Index c = 0; c < k; ++c) to[c] += weight * row[c];
+  add_scaled(out.data() + k * i, weight, from.data() + k * j, k);
+}
+inline void clear_row(Stack& out, Eigen::Index i) {
+  std::fill_n(out.data() + out.cols() * i, out.cols(), 0.0);
+}
+inline void copy_row(Stack& out, Eigen::Index i, Eigen::Index from) {
+  std::copy_n(out.data() + out.cols() * from, out.cols(), out.data() + out.cols() * i);
 }
 
 /// out = A B, a product that is known to be symmetric.
@@ -79,15 +83,15 @@ inline void set_congruence(const Eigen::MatrixXd& A, const Stack& dP, Stack& hal
   const Eigen::Index n = A.rows();
   for (Eigen::Index j = 0; j < n; ++j) {
     for (Eigen::Index i = 0; i < n; ++i) {
-      half.row(i + n * j).setZero();
+      clear_row(half, i + n * j);
       for (Eigen::Index l = 0; l < n; ++l) add_row(half, i + n * j, A(i, l), dP, l + n * j);
     }
   }
   for (Eigen::Index j = 0; j < n; ++j) {
     for (Eigen::Index i = 0; i <= j; ++i) {
-      out.row(i + n * j).setZero();
+      clear_row(out, i + n * j);
       for (Eigen::Index l = 0; l < n; ++l) add_row(out, i + n * j, A(j, l), half, i + n * l);
-      if (i != j) out.row(j + n * i) = out.row(i + n * j);
+      if (i != j) copy_row(out, j + n * i, i + n * j);
     }
   }
 }
@@ -139,7 +143,7 @@ inline void add_gain_noise(const Eigen::MatrixXd& K, const Stack& dN, Stack& out
           add_row(out, i + n * j, K(i, a) * K(j, b), dN, a + m * b);
         }
       }
-      if (i != j) out.row(j + n * i) = out.row(i + n * j);
+      if (i != j) copy_row(out, j + n * i, i + n * j);
     }
   }
 }

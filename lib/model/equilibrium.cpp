@@ -21,16 +21,36 @@ constexpr double kSlopesRest = 1e-9;
 constexpr double kLonger = 8.0;  // an interval than the one before
 constexpr int kMostIntervals = 36, kQuietIntervals = 3;
 
-// Has no entry moved by more than that share of itself, or of a millionth of its column's largest?
-bool rests(const MatrixXd& now, const MatrixXd& before, double share) {
-  for (Index c = 0; c < now.cols(); ++c) {
-    const double floor = 1e-6 * now.col(c).cwiseAbs().maxCoeff();
-    for (Index i = 0; i < now.rows(); ++i) {
-      const double size = std::max(std::abs(now(i, c)), floor);
-      if (!(std::abs(now(i, c) - before(i, c)) <= share * size)) return false;
+// Has no state moved by more than a share of itself, or of a millionth of the largest?
+bool rests(const VectorXd& now, const VectorXd& before) {
+  const double floor = 1e-6 * now.cwiseAbs().maxCoeff();
+  return ((now - before).array().abs() <= kRests * now.array().abs().max(floor)).all();
+}
+
+// Has no derivative by more than a share of itself, or of what its parameter's own size makes of the
+// state's?
+bool slopes_rest(const Equilibrium& now, const Equilibrium& before, const VectorXd& sizes) {
+  for (Index c = 0; c < now.wrt_p.cols(); ++c) {
+    const double floor = 1e-6 * now.x.cwiseAbs().maxCoeff();
+    for (Index i = 0; i < now.x.size(); ++i) {
+      const double slope = now.wrt_p(i, c), own = std::max(std::abs(now.x[i]), floor) / sizes[c];
+      if (!(std::abs(slope - before.wrt_p(i, c)) <= kSlopesRest * std::max(std::abs(slope), own))) {
+        return false;
+      }
     }
   }
   return true;
+}
+
+// |p_i| of the columns, as they were set; 1 where it is zero.
+VectorXd parameter_sizes(const NonlinearModel& model, const ModelMemory& memory) {
+  VectorXd out = VectorXd::Ones(model.columns);
+  for (std::size_t i = 0; i < model.column.size(); ++i) {
+    const auto slot = static_cast<std::size_t>(model.states + model.inputs) + i;
+    const double size = std::abs(memory.rates[slot]);
+    if (model.column[i] >= 0 && size > 0.0) out[model.column[i]] = size;
+  }
+  return out;
 }
 
 // In which a rate moves its state noticeably.
@@ -54,6 +74,7 @@ Equilibrium equilibrium(const NonlinearModel& model, ModelMemory& memory,
   double interval = first_interval(out.x, memory.rate.head(model.states));
   MatrixXd held(model.inputs, 2);
   held.colwise() = u;
+  const VectorXd sizes = parameter_sizes(model, memory);
   Jacobian motion;
   int quiet_intervals = 0;
   for (int i = 0; i < kMostIntervals && !out.found; ++i, interval *= kLonger) {
@@ -64,8 +85,7 @@ Equilibrium equilibrium(const NonlinearModel& model, ModelMemory& memory,
     if (!out.x.allFinite() || !motion.wrt_p.allFinite()) break;
     out.wrt_x = motion.wrt_x * before.wrt_x;
     out.wrt_p = motion.wrt_x * before.wrt_p + motion.wrt_p;
-    const bool quiet =
-        rests(out.x, before.x, kRests) && rests(out.wrt_p, before.wrt_p, kSlopesRest);
+    const bool quiet = rests(out.x, before.x) && slopes_rest(out, before, sizes);
     quiet_intervals = quiet ? quiet_intervals + 1 : 0;
     out.found = quiet_intervals == kQuietIntervals;
   }

@@ -22,9 +22,10 @@ struct Equilibrium {
 ///
 /// Example:
 ///
-///     const Eigen::VectorXd empty = Eigen::VectorXd::Zero(2), u(0);
-///     const Equilibrium before = equilibrium(reaction, memory, empty, u);
-///     if (!before.found) return FilterStatus::not_finite;
+///     ModelMemory memory = make_memory(pendulum);
+///     set_parameters(pendulum, memory, p);
+///     const Equilibrium rest = equilibrium(pendulum, memory, Eigen::Vector2d(0.1, 0.0), u.col(0));
+///     if (!rest.found) std::printf("it does not come to rest\n");
 ///
 /// @param model   in continuous time; doses do not count
 /// @param memory  with the parameters that were last set

@@ -9,6 +9,7 @@
 
 #include "lib/base/interpolation.h"
 #include "lib/base/message.h"
+#include "lib/internal/add_scaled.h"
 #include "lib/model/internal/controlled_motion.h"
 #include "lib/model/internal/rates.h"
 
@@ -146,14 +147,11 @@ void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives ord
   std::copy_n(m.values.data() + nx + m.J.size(), m.H.size(), m.H.data());
 }
 
-// out.row(to) += weight from.row(at). A plain loop: Eigen's is slow on a few columns.
+// out.row(to) += weight from.row(at).
 template <class Out, class From>
 void add_row(Out& out, Index to, double weight, const From& from, Index at) {
-  if (weight == 0.0) return;
   const Index columns = out.cols();
-  double* __restrict const row = out.data() + columns * to;
-  const double* const other = from.data() + columns * at;
-  for (Index c = 0; c < columns; ++c) row[c] += weight * other[c];
+  add_scaled(out.data() + columns * to, weight, from.data() + columns * at, columns);
 }
 
 // Row i of by [inner; 0 I]: derivatives by the step's begin of what has derivatives `by` at a state
@@ -188,13 +186,17 @@ void chain_jacobian(const NonlinearModel& model, const MotionParts& parts, Model
   }
 }
 
-// out += half + half', whose rows are entries (i, j) of symmetric matrices.
+// out += half + half', whose rows are entries (i, j) of symmetric matrices; other rows of half are
+// zero than those that have a slope.
 template <class Rows>
-void add_both_triangles(const ModelMemory::Rows& half, Index nx, Rows& out) {
-  for (Index j = 0; j < nx; ++j) {
-    for (Index i = 0; i < nx; ++i) {
+void add_both_triangles(const NonlinearModel& model, const ModelMemory::Rows& half, Rows& out) {
+  const Index nx = model.states;
+  for (std::size_t k = 0; k < model.rate_slopes.size(); ++k) {
+    const Index i = model.rate_slopes[k].row;
+    if (k > 0 && model.rate_slopes[k - 1].row == i) continue;
+    for (Index j = 0; j < nx; ++j) {
       add_row(out, i + nx * j, 1.0, half, i + nx * j);
-      add_row(out, i + nx * j, 1.0, half, j + nx * i);
+      add_row(out, j + nx * i, 1.0, half, i + nx * j);
     }
   }
 }
@@ -210,7 +212,7 @@ void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, Mo
   for (const auto& [i, l] : model.rate_slopes) {
     for (Index j = 0; j < nx; ++j) add_row(m.half, i + nx * j, m.J(i, l), W, l + nx * j);
   }
-  add_both_triangles(m.half, nx, rate);
+  add_both_triangles(model, m.half, rate);
   if (order == Derivatives::first) return;
   const auto V = parts.gramian_jacobian(m.stage);
   auto jacobian = parts.gramian_jacobian(m.rate);
@@ -224,7 +226,7 @@ void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, Mo
       add_row(m.half, i + nx * j, W(l + nx * j, 0), m.turned, i + nx * l);
     }
   }
-  add_both_triangles(m.half, nx, jacobian);
+  add_both_triangles(model, m.half, jacobian);
 }
 
 // Stamps that are irregular have an interval each: what would be kept is not met again.

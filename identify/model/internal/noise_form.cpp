@@ -475,9 +475,10 @@ void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedPara
                      "stationary, diffuse, or {mean: [...], sd: [...]}");
   }
   if (node->kind != YamlNode::Kind::mapping) {
-    model.initial = word_of(*node, "initial", {"stationary", "diffuse"}) == "diffuse"
-                        ? InitialState::diffuse
-                        : InitialState::stationary;
+    std::vector<std::string> words{"stationary", "diffuse"};
+    if (!physical.states.empty()) words.emplace_back("steady-state");  // that formulas take as theirs
+    model.initial = word_of(*node, "initial", words) == "diffuse" ? InitialState::diffuse
+                                                                  : InitialState::stationary;
     return;
   }
   const std::vector<std::string> names = state_names(physical, model.A.constant.rows());

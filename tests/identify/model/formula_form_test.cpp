@@ -221,6 +221,11 @@ constexpr FormulaMistake kMistakes[] = {
     {"torque < 3", "torque", "20:12: a number where a condition belongs"},
     {"use_when: \"torque < 3\"", "A: [[1]]", "20:1: 'A' is a duplicate of the formulas"},
     {"- d*w + torque/J", "+ torque/J", "6:3: parameter 'd' is not used anywhere"},
+    {"use_when: \"torque < 3\"", "doses: {w: torque/J*(1 s)}",
+     "20:8: doses are given at rows, which a step would move"},
+    {"use_when: \"torque < 3\"", "doses: {v: torque}", "20:9: unknown key 'v' in doses"},
+    {"{mean: {phi: 20 deg, w: w0}, sd: {phi: 5 deg}}", "steady",
+     "19:10: initial is 'steady'; expected one of stationary, diffuse, steady-state"},
 };
 
 TEST_F(FormulaForm, MistakesAreShownWhereTheyStand) {
