@@ -113,7 +113,8 @@ namespace {
 bool is_doubted(const std::string& parameter, const Findings& findings) {
   return std::any_of(findings.begin(), findings.end(), [&](const Finding& f) {
     if (f.severity != Severity::serious) return false;
-    const bool of_some = f.code == FindingCode::structure_dependent;
+    const bool of_some =
+        f.code == FindingCode::structure_dependent || f.code == FindingCode::several_maxima;
     return !of_some || std::find(f.about.begin(), f.about.end(), parameter) != f.about.end();
   });
 }

@@ -16,6 +16,7 @@
 #include "identify/model/simulation_model.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/coloured_errors.h"
+#include "identify/noise/internal/equal_maxima.h"
 #include "identify/noise/internal/likelihood_errors.h"
 #include "identify/noise/internal/likelihood_intervals.h"
 #include "identify/noise/internal/several_starts.h"
@@ -225,6 +226,9 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   if (options.pictures && !coloured && converged && determined) picture_profiles(estimate, maximum);
   if (!converged) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.best.summary));
+  if (converged && determined) {
+    append(estimate.findings, check_equal_maxima(estimate, found, problem, parameters, factors));
+  }
   return {std::move(end), std::move(found)};
 }
 

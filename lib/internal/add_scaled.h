@@ -14,9 +14,10 @@ inline void add_scaled_of_size(double* __restrict to, double weight, const doubl
 /// to[0 .. count - 1] += weight from[..]; nothing where the weight is zero, as most entries of most
 /// models' matrices are. Loops of a length that is known at run time only cost more to enter than
 /// these take.
-inline void add_scaled(double* __restrict to, double weight, const double* from,
-                       std::ptrdiff_t count) {
+[[gnu::always_inline]] inline void add_scaled(double* __restrict to, double weight,
+                                              const double* from, std::ptrdiff_t count) {
   if (weight == 0.0) return;
+  for (; count > 8; count -= 8, to += 8, from += 8) add_scaled_of_size<8>(to, weight, from);
   switch (count) {
     case 1:
       return add_scaled_of_size<1>(to, weight, from);
@@ -35,7 +36,7 @@ inline void add_scaled(double* __restrict to, double weight, const double* from,
     case 8:
       return add_scaled_of_size<8>(to, weight, from);
     default:
-      for (std::ptrdiff_t c = 0; c < count; ++c) to[c] += weight * from[c];
+      return;
   }
 }
 

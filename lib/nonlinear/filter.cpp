@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "lib/base/message.h"
@@ -20,6 +21,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kUpdateSettled = 1e-10;  // of a standard deviation, iterated update
 constexpr double kNoCost = 1e-10;         // of a sum of squares of standard deviations: rounding
 
@@ -282,9 +284,11 @@ class NonlinearRecursion {
   }
 
   void measure(Index t) {
-    if (scaled_.moves() && !is_ok(scaled_.set(t, now_.x, now_.dx, inputs_.at_sample.col(t),
-                                              inputs_.time[t], R_, dR_))) {
-      return;
+    if (scaled_.moves()) {
+      const FilterStatus scaled =
+          scaled_.set(t, now_.x, now_.dx, inputs_.at_sample.col(t), inputs_.time[t], R_, dR_);
+      if (present_count_ > 0 && !is_ok(scaled)) return;
+      if (scaled != FilterStatus::ok) R_.setConstant(kNan);  // that no measurement needs
     }
     if (output_error_) {
       measure_simulation(t);

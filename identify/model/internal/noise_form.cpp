@@ -476,7 +476,8 @@ void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedPara
   }
   if (node->kind != YamlNode::Kind::mapping) {
     std::vector<std::string> words{"stationary", "diffuse"};
-    if (!physical.states.empty()) words.emplace_back("steady-state");  // that formulas take as theirs
+    if (!physical.states.empty())
+      words.emplace_back("steady-state");  // that formulas take as theirs
     model.initial = word_of(*node, "initial", words) == "diffuse" ? InitialState::diffuse
                                                                   : InitialState::stationary;
     return;

@@ -7,10 +7,13 @@
 
 #include "identify/estimate/estimate.h"
 #include "identify/filter/model_filter.h"
+#include "identify/filter/nonlinear_recordings.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/model/check.h"
 #include "identify/model/model_file.h"
+#include "lib/base/constants.h"
 #include "lib/base/error.h"
+#include "lib/base/median.h"
 #include "solvers/covariance.h"
 #include "solvers/scoring.h"
 
@@ -143,6 +146,36 @@ std::vector<ModelExtension> process_noises(const Model& model) {
   return out;
 }
 
+// The longest step [s] with which a model is integrated as finely everywhere as it needs somewhere:
+// further parts, which are judged by what they gain, go along with it. None where that would take
+// many more steps in all, and in discrete time.
+std::optional<double> shared_step(const Model& model, const std::vector<Dataset>& recordings) {
+  constexpr double kManyMore = 2.0,
+                   kOfInterval = 2.0;  // the least time constant of a lasting error
+  if (is_linear(model) || as_formulas(model).linear || !as_formulas(model).equations.continuous ||
+      as_formulas(model).longest_step > 0.0) {
+    return std::nullopt;
+  }
+  double out = kInfinity, needed = 0.0, taken = 0.0;
+  std::vector<double> intervals;
+  for (const Dataset& data : recordings) {
+    const Integration integration = integration_of(model, model.parameters, data);
+    if (integration.controlled || integration.steps.status != StepStatus::ok) return std::nullopt;
+    for (std::size_t k = 0; k < integration.steps.steps.size(); ++k) {
+      const int steps = integration.steps.steps[k];
+      const auto row = static_cast<Index>(k);
+      intervals.push_back(data.time[row + 1] - data.time[row]);
+      if (steps > 1) out = std::min(out, intervals.back() / steps);
+      needed += steps;
+    }
+  }
+  if (intervals.empty()) return std::nullopt;
+  out = std::min(out, kOfInterval * median(std::vector<double>(intervals)));
+  for (const double interval : intervals) taken += std::ceil(interval / out);
+  if (taken > kManyMore * needed) return std::nullopt;
+  return out;
+}
+
 }  // namespace
 
 std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings) {
@@ -191,7 +224,12 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
     out.model = model_of(out.root, base.model.source);
     take_values(base.model, out.model);
     out.model = checked(std::move(out.model), recordings);
+    if (const auto step = shared_step(base.model, recordings)) {
+      as_formulas(out.model).longest_step = *step;
+    }
     const std::optional<double> L = fit_values(out.model, recordings);
+    if (!is_linear(out.model))
+      as_formulas(out.model).longest_step = as_formulas(base.model).longest_step;
     if (!L || !determines_biases(extension, out.model, recordings)) return std::nullopt;
     out.log_likelihood = *L;
     return out;

@@ -442,6 +442,7 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     out.log_likelihood.push_back(L);
     if (std::abs(L - out.best.summary.objective) < kSameMaximum) {
       out.ends.push_back(SearchEnd::best);
+      if (search->solution.summary.usable()) out.best_ends.push_back(search->solution.x);
     } else {
       const bool maximum = !searches.stopped() && is_other_maximum(problem, search->solution);
       out.ends.push_back(maximum ? SearchEnd::maximum : SearchEnd::short_of);

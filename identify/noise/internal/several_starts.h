@@ -30,6 +30,7 @@ struct SeveralStarts {
   std::vector<SearchEnd> ends;
   std::vector<double> log_likelihood;
   std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration
+  std::vector<Eigen::VectorXd> best_ends;  ///< where searches ended that were as high as the best
 
   int count(SearchEnd end) const;
 };
