@@ -206,10 +206,9 @@ constexpr std::array<FindingKind, 109> kKinds = {{
     {FindingCode::methods_disagree, "methods_disagree", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing, "Two methods differ by more than their errors"},
     {FindingCode::several_maxima, "several_maxima", Severity::note, Severity::serious,
-     Status::untrusted, Rank::other, InMessage::text,
+     Status::untrusted, Rank::other, InMessage::name,
      "Not every start reached the same optimum; a warning where some ended at other maxima, "
-     "serious "
-     "where other values are as likely"},
+     "serious where other values are as likely"},
     {FindingCode::evaluation_method, "evaluation_method", Severity::note, Severity::note,
      Status::ok, Rank::other, InMessage::nothing,
      "A slower evaluation of the likelihood had to be taken"},

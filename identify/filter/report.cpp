@@ -16,6 +16,7 @@
 #include "identify/filter/reference_errors.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/matrix_reader.h"
+#include "identify/model/starting_state.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
 #include "lib/filter/steady_state.h"
@@ -402,8 +403,24 @@ std::vector<FStatistic> input_tests(const std::vector<Dataset>& recordings,
   return out;
 }
 
+namespace {
+
+// Where the motion before a recording comes to no steady state.
+void refuse_start(const Model& model, const std::vector<Dataset>& recordings) {
+  if (!is_formula_model(model) || !as_formulas(model).rests_at) return;
+  for (const Dataset& data : recordings) {
+    if (starting_state(model, data).found) continue;
+    throw InputError({data.name, 0, 0}, "before the recording the model comes to no steady state",
+                     "dynamics that settle while inputs stay, at the values given",
+                     "do they diverge or oscillate there? 'initial: {mean: ...}' gives a start");
+  }
+}
+
+}  // namespace
+
 void refuse_filter(const Model& model, const std::vector<Dataset>& recordings,
                    FilterStatus status) {
+  if (status == FilterStatus::not_finite) refuse_start(model, recordings);
   const Location here{model.source, 0, 0};
   const bool nonlinear = is_formula_model(model) && !changes(model);
   if (status == FilterStatus::unstable) {

@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "identify/model/own_parameters.h"
+
 namespace identikal {
 
 using Eigen::Index;
@@ -24,6 +26,14 @@ Equilibrium starting_state(const FormulaModel& model, const Eigen::Ref<const Vec
   Equilibrium out = equilibrium(equations, memory, x0, u);
   if (!out.found) out.x.setConstant(std::numeric_limits<double>::quiet_NaN());
   return out;
+}
+
+Equilibrium starting_state(const Model& model, const Dataset& recording) {
+  const FormulaModel& formulas = as_formulas(model);
+  const ParameterSet at = values_in(model.parameters, recording);
+  VectorXd p(formulas.equations.parameters);
+  for (Index i = 0; i < p.size(); ++i) p[i] = at[static_cast<std::size_t>(i)].scalar();
+  return starting_state(formulas, p, written_matrices(formulas.noise, at).x0, recording);
 }
 
 }  // namespace identikal

@@ -23,4 +23,7 @@ namespace identikal {
 Equilibrium starting_state(const FormulaModel& model, const Eigen::Ref<const Eigen::VectorXd>& p,
                            const Eigen::Ref<const Eigen::VectorXd>& x0, const Dataset& recording);
 
+/// The same at the values that the model, and the recording where it has its own, hold.
+Equilibrium starting_state(const Model& model, const Dataset& recording);
+
 }  // namespace identikal

@@ -31,7 +31,7 @@ struct Equilibrium {
 /// @param memory  with the parameters that were last set
 /// @param x       nx, where the motion begins
 /// @param u       inputs, which stay
-/// @return not found where the motion runs away, goes round or has not come to rest after 36
+/// @return not found where the motion diverges, oscillates or has not settled after 36
 ///   intervals, each of them eight times as long as the one before
 /// @throws std::invalid_argument in discrete time and when sizes disagree
 Equilibrium equilibrium(const NonlinearModel& model, ModelMemory& memory,

@@ -10,6 +10,7 @@
 
 #include "identify/filter/model_filter.h"
 #include "identify/filter/recordings_likelihood.h"
+#include "identify/filter/report.h"
 #include "identify/model/model_file.h"
 #include "identify/model/recording.h"
 #include "lib/base/error.h"
@@ -116,6 +117,21 @@ TEST(StartingState, SmootherFilterAndSimulationBeginThere) {
   EXPECT_NEAR(simulate_nonlinear_outputs(model, data, random).x(1, 0), a, 1e-7);
   // Nothing moves until the signal does.
   EXPECT_NEAR(filter.x_pred(1, 9), a, 1e-7);
+}
+
+TEST(StartingState, WhereThereIsNoneTheRecordingIsNamed) {
+  std::string text = gene("{kind: steady-state, mean: {m: 1, a: 1}}");
+  text.replace(text.find("m^2 - d*a"), 9, "m^2 + d*a");
+  const Model model = parsed_gene(text);
+  const Dataset data = seen_gene(model);
+  EXPECT_FALSE(starting_state(model, data).found);
+  try {
+    refuse_filter(model, {data}, FilterStatus::not_finite);
+    ADD_FAILURE();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(),
+                StartsWith("recording: before the recording the model comes to no steady state"));
+  }
 }
 
 std::string gene_refusal(const std::string& text) {
