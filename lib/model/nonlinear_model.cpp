@@ -189,7 +189,7 @@ void chain_jacobian(const NonlinearModel& model, const MotionParts& parts, Model
 // out += half + half', whose rows are entries (i, j) of symmetric matrices; other rows of half are
 // zero than those that have a slope.
 template <class Rows>
-void add_both_triangles(const NonlinearModel& model, const ModelMemory::Rows& half, Rows& out) {
+void add_both_triangles(const NonlinearModel& model, const MotionParts::Rows& half, Rows& out) {
   const Index nx = model.states;
   for (std::size_t k = 0; k < model.rate_slopes.size(); ++k) {
     const Index i = model.rate_slopes[k].row;
@@ -201,6 +201,14 @@ void add_both_triangles(const NonlinearModel& model, const ModelMemory::Rows& ha
   }
 }
 
+// Memory of rates, which stays for the larger of its uses.
+MotionParts::Rows zero_half(ModelMemory& m, Index rows, Index columns) {
+  if (m.half.size() < rows * columns) m.half.resize(rows, columns);
+  MotionParts::Rows out(m.half.data(), rows, columns);
+  out.setZero();
+  return out;
+}
+
 // W' = f_x W + W f_x' + Q, and its derivatives with respect to the step's begin.
 void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, ModelMemory& m,
                        Derivatives order) {
@@ -208,25 +216,25 @@ void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, Mo
   const Index nx = m.J.rows();
   auto rate = parts.gramians(m.rate);
   rate = m.densities;
-  m.half.setZero(nx * nx, W.cols());
+  auto half = zero_half(m, nx * nx, W.cols());
   for (const auto& [i, l] : model.rate_slopes) {
-    for (Index j = 0; j < nx; ++j) add_row(m.half, i + nx * j, m.J(i, l), W, l + nx * j);
+    for (Index j = 0; j < nx; ++j) add_row(half, i + nx * j, m.J(i, l), W, l + nx * j);
   }
-  add_both_triangles(model, m.half, rate);
+  add_both_triangles(model, half, rate);
   if (order == Derivatives::first) return;
   const auto V = parts.gramian_jacobian(m.stage);
   auto jacobian = parts.gramian_jacobian(m.rate);
   jacobian.setZero();
-  m.half.setZero(nx * nx, V.cols());
+  auto moved_half = zero_half(m, nx * nx, V.cols());
   for (const auto& [i, l] : model.rate_slopes) {
-    for (Index j = 0; j < nx; ++j) add_row(m.half, i + nx * j, m.J(i, l), V, l + nx * j);
+    for (Index j = 0; j < nx; ++j) add_row(moved_half, i + nx * j, m.J(i, l), V, l + nx * j);
   }
   for (const auto& [i, l] : model.rate_curved) {
     for (Index j = 0; j < nx; ++j) {
-      add_row(m.half, i + nx * j, W(l + nx * j, 0), m.turned, i + nx * l);
+      add_row(moved_half, i + nx * j, W(l + nx * j, 0), m.turned, i + nx * l);
     }
   }
-  add_both_triangles(model, m.half, jacobian);
+  add_both_triangles(model, moved_half, jacobian);
 }
 
 // Stamps that are irregular have an interval each: what would be kept is not met again.

@@ -121,6 +121,34 @@ void note(IntegrationSteps& out, StepStatus status, Index sample) {
   out.sample = sample;
 }
 
+// The interval whose states were last looked at all around, by which those behind it are judged: where
+// twice as many steps changed next to nothing there, and neither the interval nor what is uncertain
+// is larger, the middle alone tells whether that is still so.
+class LookedAround {
+ public:
+  bool speaks_for(Index sample, double interval, const MatrixXd& P, double tolerance) const {
+    return sample < sample_ + kFor && by_ <= kNothing * tolerance &&
+           interval <= kLonger * interval_ &&
+           (P.diagonal().array() <= kMoreUncertain * spread_.array()).all();
+  }
+  static bool is_nothing(const Settled& settled, double tolerance) {
+    return settled.steps == 1 && settled.by <= kNothing * tolerance;
+  }
+  void set(Index sample, double interval, const MatrixXd& P, double by) {
+    sample_ = sample;
+    interval_ = interval;
+    spread_ = P.diagonal();
+    by_ = by;
+  }
+
+ private:
+  static constexpr Index kFor = 16;  // intervals
+  static constexpr double kNothing = 1e-2, kLonger = 1.05, kMoreUncertain = 1.5;
+  Index sample_ = -kFor;
+  double interval_ = 0.0, by_ = kInfinity;
+  VectorXd spread_;
+};
+
 // The usual interval between samples; there are two samples or more.
 double median_interval(const VectorXd& time) {
   std::vector<double> all;
@@ -216,31 +244,39 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
     }
     out = {};
     bool grown = false;
+    LookedAround looked;
     for (Index k = 0; k + 1 < N; ++k) {
       const auto interval = static_cast<std::size_t>(k);
       const VectorXd middle = filter.x_filt.col(k);
       if (!middle.allFinite() || !filter.x_pred.col(k + 1).allFinite()) break;
       // Where the state is certain, noise on the way moves it.
       const MatrixXd P = filter.P_filt[interval] + filter.P_pred[interval + 1];
-      if (set_covariance_factor(P, none, L, no_jacobian) != FilterStatus::ok) {
-        break;
-      }
+      const double length = time[k + 1] - time[k];
       OneInterval inputs(time, u, path, k);
       StepTolerance here = tolerance;
-      here.most = static_cast<int>(std::min<double>(
-          kMostSteps, tolerance.most * std::max(1.0, (time[k + 1] - time[k]) / usual)));
+      here.most = static_cast<int>(
+          std::min<double>(kMostSteps, tolerance.most * std::max(1.0, length / usual)));
       const VectorXd size = largest.cwiseMax(P.diagonal().cwiseMax(0.0).cwiseSqrt());
-      int needed = 1;
-      for (Index point = 0; point <= 2 * nx; ++point) {
-        VectorXd x = middle;
-        if (point > 0) x += (point <= nx ? 1.0 : -1.0) * L.col((point - 1) % nx);
+      const Settled at_middle = settle(model, memory, inputs, middle, size, here);
+      note(out, at_middle.status, k);
+      int needed = at_middle.steps;
+      double by = at_middle.by;
+      // Sigma points are themselves the states around.
+      const bool known = options.method != NonlinearMethod::unscented &&
+                         looked.speaks_for(k, length, P, here.relative) &&
+                         LookedAround::is_nothing(at_middle, here.relative);
+      if (!known && set_covariance_factor(P, none, L, no_jacobian) != FilterStatus::ok) break;
+      for (Index point = 0; !known && point < 2 * nx; ++point) {
+        const VectorXd x = middle + (point < nx ? 1.0 : -1.0) * L.col(point % nx);
         const Settled settled = settle(model, memory, inputs, x, size, here);
         // What a point far out does is the filter's affair, where it comes to it.
-        if (settled.status == StepStatus::not_finite && point > 0) continue;
+        if (settled.status == StepStatus::not_finite) continue;
         note(out, settled.status, k);
         needed = std::max(needed, settled.steps);
-        out.largest_change = std::max(out.largest_change, settled.by);
+        by = std::max(by, settled.by);
       }
+      out.largest_change = std::max(out.largest_change, by);
+      if (!known) looked.set(k, length, P, needed == 1 ? by : kInfinity);
       grown = grown || needed > steps[interval];
       steps[interval] = std::max(steps[interval], needed);
     }
