@@ -95,3 +95,19 @@ def test_a_car(root):
     same = ik.fit(root / "examples/severe_lane_change.yaml", root / "data/severe_lane_change.csv")
     assert fit.params["Cf"].value == pytest.approx(same.params["Cf"].value, rel=1e-6)
     assert fit.params["Cf"].unit == "N/rad" or fit.params["Cf"].unit == ""
+
+
+def test_doses_are_none_where_an_input_is_missing():
+    """And a steady state before the recording is the one that its inputs make."""
+    model = ik.FormulaModel({"gut": "-k*gut", "blood": "k*gut - 0.2*blood + rate"}, {"seen": "blood"}, inputs=["amount", "rate"],
+                            parameters={"k": ik.free(1, min=0.01, max=10), "s": ik.free(0.1, min=1e-3)}, measurement_sd="s",
+                            initial="steady-state", doses={"gut": "amount"}, irregular=True)
+    t = np.arange(0.0, 12.0, 0.5)
+    y = 2.0 + 3 * (t > 1) * (np.exp(-0.2 * (t - 1)) - np.exp(-(t - 1))) + 0.05 * np.random.default_rng(1).standard_normal(len(t))
+    u = np.full((len(t), 2), np.nan)
+    u[2, 0], u[:, 1] = 2.4, 0.4
+    of_gaps = ik.fit(model, y, u=u, time=t)
+    of_zeros = ik.fit(model, y, u=np.nan_to_num(u), time=t)
+    assert of_gaps.log_likelihood == of_zeros.log_likelihood
+    assert of_gaps.params["k"].value == pytest.approx(1.0, abs=4 * of_gaps.params["k"].se)
+    assert np.asarray(ik.filter(model, y, u=u, time=t).states)[0] == pytest.approx([0.0, 2.0], abs=1e-6)

@@ -15,7 +15,7 @@ constexpr const char* kStill = "no_state";
 
 void refuse_motion(const YamlNode& root) {
   for (const char* key : {"states", "dynamics", "initial", "components", "A", "B", "C", "D", "G",
-                          "Q", "S", "reference", "use_when"}) {
+                          "Q", "S", "reference", "use_when", "doses"}) {
     const auto at = std::find_if(root.keys.begin(), root.keys.end(),
                                  [&](const YamlNode& each) { return each.text == key; });
     if (at == root.keys.end()) continue;
