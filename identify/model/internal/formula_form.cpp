@@ -129,6 +129,7 @@ class FormulaReader {
     const PhysicalNames physical{state_names(), read_outputs(), input_dimensions(),
                                  symbols_.with_units};
     read_spreads(physical.outputs);
+    take_empty_doses_as_zero();
     LinearModel matrices = find_matrices();
     read_noise(is_linear_ ? root_ : with_factors_alone(root_, spreads_), physical, parameters_,
                matrices);
@@ -302,7 +303,6 @@ class FormulaReader {
                          "inputs, parameters, the time t");
       }
     }
-    take_empty_doses_as_zero();
   }
 
   // Does the symbol, or a definition that it is, hold one of these?
@@ -389,18 +389,23 @@ class FormulaReader {
 
   // Inputs that stand in doses alone.
   void take_empty_doses_as_zero() {
-    const auto holds = [&](const std::vector<Expression>& formulas, int input) {
-      return std::any_of(formulas.begin(), formulas.end(), [&](const Expression& formula) {
-        return std::any_of(formula.nodes.begin(), formula.nodes.end(), [&](const auto& each) {
-          return each.op == Op::symbol && each.symbol == input;
-        });
+    const auto is_in = [](const Expression& formula, int input) {
+      return std::any_of(formula.nodes.begin(), formula.nodes.end(), [&](const auto& each) {
+        return each.op == Op::symbol && each.symbol == input;
       });
+    };
+    const auto is_in_any = [&](const std::vector<Expression>& formulas, int input) {
+      return std::any_of(formulas.begin(), formulas.end(),
+                         [&](const Expression& formula) { return is_in(formula, input); });
     };
     for (std::size_t i = 0; i < out_.inputs.size(); ++i) {
       const int input = formulas_.states + static_cast<int>(i);
-      out_.inputs[i].empty_is_zero = holds(formulas_.doses, input) &&
-                                     !holds(formulas_.dynamics, input) &&
-                                     !holds(formulas_.definitions, input);
+      const bool elsewhere =
+          is_in_any(formulas_.dynamics, input) || is_in_any(formulas_.definitions, input) ||
+          is_in_any(formulas_.outputs, input) ||
+          std::any_of(spreads_.begin(), spreads_.end(),
+                      [&](const NoiseSpread& spread) { return is_in(spread.formula, input); });
+      out_.inputs[i].empty_is_zero = is_in_any(formulas_.doses, input) && !elsewhere;
     }
   }
 

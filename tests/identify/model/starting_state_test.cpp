@@ -143,6 +143,14 @@ std::string gene_refusal(const std::string& text) {
   return "";
 }
 
+TEST(StartingState, AnEmptyCellIsNoDoseUnlessTheInputStandsElsewhereToo) {
+  std::string text = gene("steady-state");
+  EXPECT_TRUE(parsed_gene(text).inputs[1].empty_is_zero);
+  EXPECT_FALSE(parsed_gene(text).inputs[0].empty_is_zero);
+  text.replace(text.find("equals: a"), 9, "equals: a + amount");
+  EXPECT_FALSE(parsed_gene(text).inputs[1].empty_is_zero);
+}
+
 TEST(StartingState, MistakesAreShownWhereTheyStand) {
   EXPECT_THAT(gene_refusal(gene("{kind: steady-state, inputs: {sound: 0}}")),
               StartsWith("gene.yaml:13:40: unknown key 'sound' in inputs"));
