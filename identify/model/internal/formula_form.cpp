@@ -333,7 +333,9 @@ class FormulaReader {
     refuse_time_in_dynamics();
     at_rest_ = true;
     general_.rests_at.emplace(out_.inputs.size());
-    const YamlNode* inputs = kind == node ? nullptr : find(*node, "inputs");
+    if (kind == node) return;
+    check_keys(*node, "initial", {"kind", "inputs", "mean", "sd", "covariance"});
+    const YamlNode* inputs = find(*node, "inputs");
     if (inputs == nullptr) return;
     std::vector<std::string> names;
     for (const ChannelSource& input : out_.inputs) names.push_back(input.name);

@@ -154,6 +154,9 @@ TEST(StartingState, AnEmptyCellIsNoDoseUnlessTheInputStandsElsewhereToo) {
 TEST(StartingState, MistakesAreShownWhereTheyStand) {
   EXPECT_THAT(gene_refusal(gene("{kind: steady-state, inputs: {sound: 0}}")),
               StartsWith("gene.yaml:13:40: unknown key 'sound' in inputs"));
+  EXPECT_THAT(gene_refusal(gene("{kind: steady-state, input: {signal: 0}}")),
+              StartsWith("gene.yaml:13:31: unknown key 'input' in initial; expected one of kind, "
+                         "inputs, mean, sd, covariance"));
   EXPECT_THAT(gene_refusal(gene("{kind: steady-state, mean: {m: 0}}")),
               StartsWith("gene.yaml:13:37: mean of 'a' is missing"));
   std::string text = gene("steady-state");
