@@ -224,12 +224,11 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
     out.model = model_of(out.root, base.model.source);
     take_values(base.model, out.model);
     out.model = checked(std::move(out.model), recordings);
-    if (const auto step = shared_step(base.model, recordings)) {
-      as_formulas(out.model).longest_step = *step;
-    }
+    const std::optional<double> step =
+        is_linear(out.model) ? std::nullopt : shared_step(base.model, recordings);
+    if (step) as_formulas(out.model).longest_step = *step;
     const std::optional<double> L = fit_values(out.model, recordings);
-    if (!is_linear(out.model))
-      as_formulas(out.model).longest_step = as_formulas(base.model).longest_step;
+    if (step) as_formulas(out.model).longest_step = 0.0;  // as accuracy needs, again
     if (!L || !determines_biases(extension, out.model, recordings)) return std::nullopt;
     out.log_likelihood = *L;
     return out;
