@@ -1,5 +1,6 @@
 // What does a formula from a text cost beside the same equations in C++?
 #include <array>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -198,6 +199,60 @@ BENCHMARK_CAPTURE(filter, extended_value, kExtended, true, false);
 BENCHMARK_CAPTURE(filter, extended_gradient, kExtended, true, true);
 BENCHMARK_CAPTURE(filter, unscented_value, kUnscented, true, false);
 BENCHMARK_CAPTURE(filter, unscented_gradient, kUnscented, true, true);
+
+// Position, course, speed, turn rate and a gyro's bias at 50 Hz; positions come at 1 Hz, speed and
+// turn rate at every sample. The gradient is by six densities and variances.
+void tracker(benchmark::State& state, bool gradient) {
+  using Eigen::Index;
+  using Eigen::MatrixXd;
+  using Eigen::VectorXd;
+  const std::vector<std::string> names{"x", "y", "psi", "v", "w", "b", "t"};
+  identikal::ModelFormulas formulas;
+  formulas.states = 6;
+  for (const char* text : {"v*sin(psi)", "v*cos(psi)", "w", "0", "0", "0"}) {
+    formulas.dynamics.push_back(identikal::parse_expression(text, names));
+  }
+  for (const char* text : {"x", "y", "v", "b - w"}) {
+    formulas.outputs.push_back(identikal::parse_expression(text, names));
+  }
+  const identikal::NonlinearModel model =
+      identikal::make_nonlinear_model(formulas, identikal::Derivatives::second);
+  identikal::ModelMemory memory = identikal::make_memory(model);
+  const Index N = 1000;
+  const VectorXd time = VectorXd::LinSpaced(N, 0.0, 0.02 * static_cast<double>(N - 1));
+  MatrixXd y = MatrixXd::Constant(4, N, std::nan(""));
+  for (Index t = 0; t < N; ++t) {
+    y(2, t) = 10.0 + 0.1 * std::sin(3.0 * time[t]);
+    y(3, t) = -0.1 + 0.01 * std::cos(5.0 * time[t]);
+    if (t % 50 == 0) y.col(t).head(2) << 10.0 * time[t], 0.5 * time[t];
+  }
+  const identikal::InputNodes inputs =
+      identikal::input_nodes(time, MatrixXd(0, N), identikal::InputPath::constant, 0.02);
+  identikal::FilterNoise noise = identikal::zero_noise(model);
+  noise.Q.diagonal() << 0.0, 0.0, 0.0, 1.0, 0.1, 1e-6;
+  noise.R.diagonal() << 1.0, 1.0, 0.1, 1e-3;
+  noise.P0.diagonal() << 9.0, 9.0, 0.5, 4.0, 0.25, 0.01;
+  noise.x0 << 0.0, 0.0, 1.5, 10.0, 0.1, 0.0;
+  std::vector<identikal::FilterDirection> directions;
+  for (Index i = 0; gradient && i < 6; ++i) {
+    directions.push_back({-1, identikal::zero_noise(model)});
+    if (i < 3) directions.back().noise.Q(i + 3, i + 3) = 1.0;
+    if (i >= 3) directions.back().noise.R(i - 2, i - 2) = 1.0;
+  }
+  identikal::NonlinearFilterOptions options;
+  options.noise = identikal::ProcessNoise::density;
+  for (auto _ : state) {
+    const identikal::Likelihood l = identikal::nonlinear_likelihood(
+        model, memory, VectorXd(0), noise, directions, inputs, y, options);
+    if (l.status != identikal::FilterStatus::ok) state.SkipWithError("the filter does not run");
+    benchmark::DoNotOptimize(l.value);
+  }
+  state.counters["seconds_per_sample"] =
+      benchmark::Counter(static_cast<double>(state.iterations() * N),
+                         benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+BENCHMARK_CAPTURE(tracker, value, false);
+BENCHMARK_CAPTURE(tracker, gradient, true);
 
 BENCHMARK(value_by_hand);
 BENCHMARK(value_by_tape);
