@@ -23,12 +23,6 @@ constexpr double kFollowed = 1e-9;    // tolerance of controlled steps
 constexpr double kCheckedBy = 1e-10;  // of those that the log-likelihood is checked by
 constexpr int kManySteps = 64;        // between two samples: beyond, implicit steps cost less
 
-VectorXd formula_parameters(const FormulaModel& model, const ParameterSet& at) {
-  VectorXd out(model.equations.parameters);
-  for (Index i = 0; i < out.size(); ++i) out[i] = at[i].scalar();
-  return out;
-}
-
 FilterNoise noise_of(const StateSpace& written) {
   return {written.G * written.Q * written.G.transpose(), written.R, written.x0, written.P0};
 }

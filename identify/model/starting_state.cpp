@@ -10,6 +10,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+VectorXd formula_parameters(const FormulaModel& model, const ParameterSet& at) {
+  VectorXd out(model.equations.parameters);
+  for (Index i = 0; i < out.size(); ++i) out[i] = at[static_cast<std::size_t>(i)].scalar();
+  return out;
+}
+
 Equilibrium starting_state(const FormulaModel& model, const Eigen::Ref<const VectorXd>& p,
                            const Eigen::Ref<const VectorXd>& x0, const Dataset& recording) {
   const NonlinearModel& equations = model.equations;
@@ -31,9 +37,8 @@ Equilibrium starting_state(const FormulaModel& model, const Eigen::Ref<const Vec
 Equilibrium starting_state(const Model& model, const Dataset& recording) {
   const FormulaModel& formulas = as_formulas(model);
   const ParameterSet at = values_in(model.parameters, recording);
-  VectorXd p(formulas.equations.parameters);
-  for (Index i = 0; i < p.size(); ++i) p[i] = at[static_cast<std::size_t>(i)].scalar();
-  return starting_state(formulas, p, written_matrices(formulas.noise, at).x0, recording);
+  return starting_state(formulas, formula_parameters(formulas, at),
+                        written_matrices(formulas.noise, at).x0, recording);
 }
 
 }  // namespace identikal

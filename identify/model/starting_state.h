@@ -9,6 +9,9 @@
 
 namespace identikal {
 
+/// Values of the parameters that the equations of a model have, the first of `at`, SI.
+Eigen::VectorXd formula_parameters(const FormulaModel& model, const ParameterSet& at);
+
 /// The start itself, or where the motion from it rests before the recording, as the model says
 /// (FormulaModel::rests_at). Where it does not come to rest the state is NaN.
 ///
@@ -19,7 +22,7 @@ namespace identikal {
 ///     std::printf("x = %g, dx/dp = %g\n", from.x[0], from.wrt_p(0, 0));
 ///
 /// @param p   of the model's equations, SI
-/// @param x0  as the file has it
+/// @param x0  nx: as the file has it, SI
 Equilibrium starting_state(const FormulaModel& model, const Eigen::Ref<const Eigen::VectorXd>& p,
                            const Eigen::Ref<const Eigen::VectorXd>& x0, const Dataset& recording);
 

@@ -29,8 +29,8 @@ struct Equilibrium {
 ///
 /// @param model   in continuous time; doses do not count
 /// @param memory  with the parameters that were last set
-/// @param x       nx, where the motion begins
-/// @param u       inputs, which stay
+/// @param x       nx: where the motion begins, SI
+/// @param u       nu: inputs, which stay, SI
 /// @return not found where the motion diverges, oscillates or has not settled after 36
 ///   intervals, each of them eight times as long as the one before
 /// @throws std::invalid_argument in discrete time and when sizes disagree

@@ -20,12 +20,6 @@ constexpr int kJumpDoublings = 3;
 constexpr double kJump = 1e-2;        // of a state's scale
 constexpr double kControlled = 1e-5;  // tolerance of implicit steps
 
-VectorXd formula_values(const NonlinearModel& equations, const ParameterSet& at) {
-  VectorXd out(equations.parameters);
-  for (Index i = 0; i < out.size(); ++i) out[i] = at[static_cast<std::size_t>(i)].scalar();
-  return out;
-}
-
 InputNodes nodes_with(const FormulaModel& model, const Dataset& recording,
                       const std::vector<int>& steps) {
   return input_nodes(recording.time, recording.u, model.inputs, steps);
@@ -85,13 +79,14 @@ ParameterSet TrajectoryProblem::with_values(const ParameterSet& parameters,
 
 void TrajectoryProblem::set_parameters_to(const VectorXd& p) {
   at_ = with_values(at_, p);
-  set_parameters(equations(), memory_, formula_values(equations(), at_));
+  set_parameters(equations(), memory_, formula_parameters(as_formulas(model_), at_));
   const auto np = static_cast<Index>(unknowns_.size());
   x0_.resize(equations().states, recordings());
   x0_by_unknowns_.assign(start_.size(), MatrixXd(equations().states, np));
   for (std::size_t r = 0; r < start_.size(); ++r) {
-    const Equilibrium from = starting_state(as_formulas(model_), formula_values(equations(), at_),
-                                            written_matrices(start_[r], at_).x0, recordings_[r]);
+    const Equilibrium from =
+        starting_state(as_formulas(model_), formula_parameters(as_formulas(model_), at_),
+                       written_matrices(start_[r], at_).x0, recordings_[r]);
     x0_.col(static_cast<Index>(r)) = from.x;
     const std::vector<StateSpace> by = model_derivatives(start_[r], at_);
     for (Index i = 0; i < np; ++i) {
@@ -187,8 +182,9 @@ MatrixXd TrajectoryProblem::filtered_states(const VectorXd& p, const VectorXd& s
   options.wraps = model.wraps;
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
     VectorXd last = noise.x0 = x0_.col(static_cast<Index>(r));
-    const FilterResult filter = nonlinear_filter(equations(), formula_values(equations(), at_),
-                                                 noise, nodes_[r], recordings_[r].y, options);
+    const FilterResult filter =
+        nonlinear_filter(equations(), formula_parameters(as_formulas(model_), at_), noise,
+                         nodes_[r], recordings_[r].y, options);
     for (Index k = 0; k < recordings_[r].size(); ++k) {
       const bool seen = k < filter.x_filt.cols() && filter.x_filt.col(k).allFinite();
       if (seen) last = filter.x_filt.col(k);
