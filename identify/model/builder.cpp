@@ -391,6 +391,10 @@ VehicleModelBuilder& VehicleModelBuilder::min_speed(double metres_per_second) {
       yaml_scalar(fmt::format("vx > {}", number_text(metres_per_second, "the least speed")));
   return *this;
 }
+VehicleModelBuilder& VehicleModelBuilder::max_gap(double seconds) {
+  value_at(model_, "max_gap") = yaml_scalar(fmt::format("{} s", number_text(seconds, "max_gap")));
+  return *this;
+}
 VehicleModelBuilder& VehicleModelBuilder::name(const std::string& text) {
   value_at(model_, "name") = yaml_scalar(text);
   return *this;

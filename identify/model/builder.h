@@ -189,6 +189,8 @@ class VehicleModelBuilder {
   VehicleModelBuilder& road_wheel_angle();
   VehicleModelBuilder& tyre(TyreCurve curve);
   VehicleModelBuilder& min_speed(double metres_per_second);  ///< rows below it are not used
+  VehicleModelBuilder& max_gap(
+      double seconds);  ///< longer ones begin a new segment; 0.1 without it
   VehicleModelBuilder& name(const std::string& text);
 
   operator Model() const;

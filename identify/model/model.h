@@ -54,6 +54,7 @@ struct VehicleModel {
   std::vector<double> measurement_sd;             ///< SI, per output; NaN = not given
   double min_speed = 3.0;                         ///< rows with vx below it are not used [m/s]
   std::optional<RowCondition> use_when;           ///< besides the speed
+  double max_gap = 0.1;         ///< longer ones, and than 3 samples, end a segment [s]
   double steering_steps = 0.0;  ///< of the sensor, bridged [rad]; 0: taken as exact
   double steering_noise = 0.0;  ///< white, of the sensor, corrected for [rad]; 0: none known
   TyreCurve curve = TyreCurve::linear;  ///< of both axles

@@ -31,7 +31,8 @@ const std::vector<std::string> kCommonKeys = {"identikal",  "name",      "model"
                                               "parameters", "inputs",    "outputs", "noise",
                                               "use_when",   "reference", "include", "recordings"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
-const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "roll", "sensors", "tyre"};
+const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "max_gap",
+                                               "roll",  "sensors",       "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
 const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics", "doses"};
 
@@ -93,7 +94,7 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     }
   };
   if (is_linear(model)) {
-    refuse({"load_transfer", "roll", "sensors", "tyre"},
+    refuse({"load_transfer", "max_gap", "roll", "sensors", "tyre"},
            "belongs to model: single-track");  // flags are both's
     refuse(kRegressionKeys, "belongs to model: regression");
     if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {

@@ -278,6 +278,15 @@ void read_use_when(const YamlNode& root, Model& out) {
   vehicle.use_when = std::move(rows);
 }
 
+/// How long a gap may be for the simulation to go on across it.
+void read_max_gap(const YamlNode& root, VehicleModel& out) {
+  const YamlNode* node = find(root, "max_gap");
+  if (node == nullptr) return;
+  out.max_gap = read_si(*node, "s", "max_gap");
+  if (out.max_gap >= 0.0 && out.max_gap <= 1.0) return;
+  throw InputError(node->at, "max_gap is " + describe(*node), "between 0 s and 1 s");
+}
+
 /// Columns that use_when may ask beside the inputs and outputs.
 void read_flags(const YamlNode& root, Model& out) {
   const YamlNode* node = find(root, "flags");
@@ -509,6 +518,7 @@ void read_vehicle(const YamlNode& root, Model& out) {
 
   read_flags(root, out);
   read_use_when(root, out);
+  read_max_gap(root, vehicle);
   read_roll(root, count == 3, out.parameters);
   read_load_transfer(root, out.parameters);
   read_sensors(root, out);

@@ -141,7 +141,7 @@ NestedStructure same_vehicle(const VehicleModel& a, const VehicleModel& b) {
   };
   const bool curves = a.curve == b.curve || a.curve == TyreCurve::linear;
   const bool same = curves && a.steering_at_road_wheel == b.steering_at_road_wheel &&
-                    a.min_speed == b.min_speed &&
+                    a.min_speed == b.min_speed && a.max_gap == b.max_gap &&
                     std::equal(a.sensors.begin(), a.sensors.end(), b.sensors.begin(),
                                b.sensors.end(), same_sensor);
   return same ? NestedStructure::same : NestedStructure::other;
