@@ -9,6 +9,7 @@
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/test_result.h"
+#include "identify/vehicle/internal/initial_states.h"
 #include "identify/vehicle/internal/robust_noise.h"
 #include "lib/base/random.h"
 #include "lib/statistics/long_run_covariance.h"
@@ -84,9 +85,10 @@ namespace {
 
 /// The rows of the linearised problem, in the optimiser's coordinates.
 struct WeightedRows {
-  Eigen::MatrixXd X;       ///< (m + priors) x inner: a row per residual, over its sd
-  Eigen::MatrixXd states;  ///< m x initial states: the same
-  Eigen::VectorXd e;       ///< m: residuals over their sd
+  Eigen::MatrixXd X;        ///< (m + priors) x inner: a row per residual, over its sd
+  Eigen::MatrixXd gains;    ///< m x gains: the same
+  Eigen::MatrixX2d states;  ///< m x 2: by the initial state of the row's segment
+  Eigen::VectorXd e;        ///< m: residuals over their sd
 };
 
 WeightedRows weigh(const VehicleProblem& problem, const VehicleOptimum& optimum,
@@ -100,16 +102,24 @@ WeightedRows weigh(const VehicleProblem& problem, const VehicleOptimum& optimum,
   }
   out.X.resize(J.rows(), static_cast<Eigen::Index>(inner.size()));
   for (std::size_t i = 0; i < inner.size(); ++i) out.X.col(i) = J.col(inner[i]);
-  out.states = J.rightCols(problem.coordinates() - problem.parameters());
+  out.gains = J.middleCols(problem.parameters(), problem.gains());
+  out.states = J.rightCols<2>();
   return out;
 }
 
-/// What the initial states can explain carries no information about the parameters.
-/// @return an orthonormal basis of it
-Eigen::MatrixXd project_out_states(WeightedRows& rows) {
-  Eigen::MatrixXd states = range_of(rows.states);
-  rows.X -= states * (states.transpose() * rows.X);
-  return states;
+/// What initial states and gain can explain carries no information about the parameters.
+/// @return orthonormal bases of it: by segments, then of the gain
+Eigen::MatrixXd project_out_nuisance(const VehicleProblem& problem, WeightedRows& rows) {
+  const Eigen::Index inner = rows.X.cols();
+  Eigen::MatrixXd others(rows.X.rows(), inner + rows.gains.cols());
+  others << rows.X, rows.gains;
+  const Eigen::MatrixX2d states = project_out_states(problem, rows.states, others);
+  const Eigen::MatrixXd gains = range_of(others.rightCols(rows.gains.cols()));
+  rows.X = others.leftCols(inner);
+  rows.X -= gains * (gains.transpose() * rows.X);
+  Eigen::MatrixXd out(states.rows(), 2 + gains.cols());
+  out << states, gains;
+  return out;
 }
 
 /// Every free parameter adds one more row: the information of its prior.
@@ -154,12 +164,12 @@ Directions directions_of(const Eigen::MatrixXd& X) {
 }
 
 /// An output loses as many degrees of freedom as the fit has leverage on its samples.
-/// @param states, influence  orthonormal bases of what initial states and parameters explain
+/// @param nuisance, influence  orthonormal bases of what initial states and gain explain, and the parameters
 Eigen::VectorXd unbiased_sd(const VehicleProblem& problem, const Eigen::VectorXd& sd,
-                            const Eigen::MatrixXd& states, const Eigen::MatrixXd& influence) {
+                            const Eigen::MatrixXd& nuisance, const Eigen::MatrixXd& influence) {
   Eigen::VectorXd lost = Eigen::VectorXd::Zero(sd.size()), samples = lost, out = sd;
   for (std::size_t i = 0; i < problem.output.size(); ++i) {
-    lost[problem.output[i]] += states.row(i).squaredNorm() + influence.row(i).squaredNorm();
+    lost[problem.output[i]] += nuisance.row(i).squaredNorm() + influence.row(i).squaredNorm();
     samples[problem.output[i]] += 1.0;
   }
   for (Eigen::Index j = 0; j < sd.size(); ++j) {
@@ -234,10 +244,10 @@ VehicleCovariance covariance_holding(const VehicleProblem& problem, const Vehicl
     if (!at_bound[i]) out.inner.push_back(i);
   }
   WeightedRows rows = weigh(problem, optimum, out.inner);
-  const Eigen::MatrixXd states = project_out_states(rows);
+  const Eigen::MatrixXd nuisance = project_out_nuisance(problem, rows);
   add_priors(problem, optimum.z, out.inner, rows.X);
   const Directions directions = directions_of(rows.X);
-  out.sd = unbiased_sd(problem, optimum.sd, states, rows.X * directions.determined);
+  out.sd = unbiased_sd(problem, optimum.sd, nuisance, rows.X * directions.determined);
   reweigh(problem, optimum.sd, out.sd, rows);
   out.residuals = rows.e;
   const Eigen::MatrixXd bound = directions.inverse_of(
@@ -261,7 +271,9 @@ VehicleCovariance covariance_holding(const VehicleProblem& problem, const Vehicl
   out.scores = rows.e;
   test_whiteness(problem, out);
   const Eigen::Index determined = directions.determined.cols();
-  out.freedom = std::max(static_cast<double>(m - states.cols() - determined), 1.0);
+  // The squares of an orthonormal basis add up to its dimension.
+  out.freedom =
+      std::max(static_cast<double>(m - determined) - std::round(nuisance.squaredNorm()), 1.0);
   if ((out.coloured || problem.robust) && determined > 0) {
     sandwich(problem, rows, inverse, scale, out);
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "identify/vehicle/internal/late_outputs.h"
+#include "identify/vehicle/internal/profiled_states.h"
 #include "identify/vehicle/internal/robust_noise.h"
 #include "lib/base/constants.h"
 #include "solvers/scoring.h"
@@ -208,8 +209,7 @@ class SegmentErrors {
         car_(car),
         readings_(readings(*problem.run, car)),
         first_(problem.run->segments[s].first),
-        state_(problem.state_of(s)),
-        x_(z.segment<2>(state_).cwiseProduct(kStateScale)),
+        x_(z.segment<2>(problem.state_of(s)).cwiseProduct(kStateScale)),
         residual_(residual),
         e_(e) {
     for (Eigen::Index i = 0; i < problem.gains(); ++i) {
@@ -252,7 +252,7 @@ class SegmentErrors {
         readings_[output].jacobian(motion, vx, columns, jacobian, slope);
         const auto n = static_cast<Eigen::Index>(residual);
         J.row(n).head(shared) = slope.head(shared).cwiseProduct(scale.head(shared));
-        J.row(n).segment<2>(state_) = slope.tail<2>().cwiseProduct(scale.tail<2>());
+        J.row(n).tail<2>() = slope.tail<2>().cwiseProduct(scale.tail<2>());
         if (gain_.empty()) return;
         for (Eigen::Index i = 0; i < 2; ++i) {
           const Eigen::Index at = 2 * static_cast<Eigen::Index>(output) + i;
@@ -296,7 +296,7 @@ class SegmentErrors {
   const VehicleProblem& problem_;
   const SingleTrack<>& car_;
   std::vector<VehicleReading> readings_;
-  Eigen::Index first_, state_;
+  Eigen::Index first_;
   Eigen::Vector2d x_;
   std::size_t& residual_;
   Eigen::VectorXd& e_;
@@ -316,9 +316,7 @@ bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen
   const SingleTrack<> car = car_with(problem.unknowns.curve, p);
   e.resize(problem.residuals());
   if (J != nullptr) {
-    J->resize(problem.residuals(), problem.coordinates());
-    // Of the initial states a row depends on its own segment's alone.
-    if (driven.size() > 1) J->setZero();
+    J->resize(problem.residuals(), problem.parameters() + problem.gains() + 2);
   }
   std::size_t residual = 0;
   for (std::size_t s = 0; s < driven.size(); ++s) {
@@ -418,73 +416,20 @@ PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorX
   return {};
 }
 
-namespace {
-
-/// Adds gradient and information of the errors, whose noise has these sd.
-void add_information(const VehicleProblem& problem, const Eigen::VectorXd& e,
-                     const LeastSquares::RowMatrix& J, const Eigen::VectorXd& sd,
-                     Eigen::VectorXd& gradient, Eigen::MatrixXd& information) {
-  constexpr Eigen::Index kBlock = 128;  // rows that stay in the processor's first cache
-  const Eigen::Index shared = problem.parameters() + problem.gains(), columns = shared + 2;
-  LeastSquares::RowMatrix weighted_J(kBlock, columns);
-  Eigen::VectorXd weighted_e(kBlock);
-  Eigen::Index first = 0;
-  for (std::size_t s = 0; s < problem.run->segments.size(); ++s) {
-    // Of the initial states only the segment's own take part.
-    const Eigen::Index state = problem.state_of(s);
-    const VehicleRun::Segment& segment = problem.run->segments[s];
-    Eigen::VectorXd g = Eigen::VectorXd::Zero(columns);
-    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(columns, columns);
-    while (first < e.size() && problem.row[first] < segment.first + segment.rows) {
-      Eigen::Index rows = 0;
-      for (; rows < kBlock && first < e.size() && problem.row[first] < segment.first + segment.rows;
-           ++rows, ++first) {
-        const double scale = sd[problem.output[first]], r = e[first] / scale;
-        const double root = problem.robust ? std::sqrt(noise_cost(true, r).weight) : 1.0;
-        weighted_e[rows] = root * r;
-        weighted_J.row(rows).head(shared) = (root / scale) * J.row(first).head(shared);
-        weighted_J.row(rows).tail<2>() = (root / scale) * J.row(first).segment<2>(state);
-      }
-      const auto block = weighted_J.topRows(rows);
-      g.noalias() -= block.transpose() * weighted_e.head(rows);
-      H.selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
-    }
-    gradient.head(shared) += g.head(shared);
-    gradient.segment<2>(state) += g.tail<2>();
-    information.topLeftCorner(shared, shared) += H.topLeftCorner(shared, shared);
-    information.block(state, 0, 2, shared) += H.bottomLeftCorner(2, shared);
-    information.block<2, 2>(state, state) += H.bottomRightCorner<2, 2>();
-  }
-  information.triangularView<Eigen::StrictlyUpper>() = information.transpose();
-}
-
-}  // namespace
-
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options) {
-  Eigen::VectorXd e;
-  LeastSquares::RowMatrix J;
+  const Eigen::Index shared = problem.parameters() + problem.gains();
+  ProfiledStates profile(problem, start);
   LikelihoodProblem likelihood;
-  likelihood.lower = problem.lower;
-  likelihood.upper = problem.upper;
+  likelihood.lower = problem.lower.head(shared);
+  likelihood.upper = problem.upper.head(shared);
   // The noise is at its most likely size for every z, so that its derivative does not matter.
+  Eigen::VectorXd unused_gradient;
+  Eigen::MatrixXd unused_information;
   likelihood.evaluate = [&](const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient,
                             Eigen::MatrixXd* information) {
-    const bool with_jacobian = gradient != nullptr;
-    if (!output_error(problem, z, e, with_jacobian ? &J : nullptr)) return false;
-    const Eigen::VectorXd sd = noise_sd(problem, e);
-    L = log_likelihood(problem, z, e, sd);
-    if (!with_jacobian) return true;
-    gradient->setZero(z.size());
-    information->setZero(z.size(), z.size());
-    add_information(problem, e, J, sd, *gradient, *information);
-    if (!gradient->allFinite()) return false;
-    for (Eigen::Index i = 0; i < problem.parameters(); ++i) {
-      const PriorResidual prior = prior_residual(problem, z, i);
-      (*gradient)[i] -= prior.value * prior.slope;
-      (*information)(i, i) += prior.slope * prior.slope;
-    }
-    return true;
+    return profile.evaluate(z, L, gradient != nullptr ? *gradient : unused_gradient,
+                            information != nullptr ? *information : unused_information);
   };
   VehicleOptimum out;
   SolverOptions watched = options;
@@ -492,8 +437,8 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     out.path.push_back(L);
     return !options.progress || options.progress(iteration, L);
   };
-  const Solution solution = maximise(likelihood, start, watched);
-  out.z = solution.x;
+  const Solution solution = maximise(likelihood, start.head(shared), watched);
+  out.z = start;
   out.iterations = solution.summary.iterations;
   out.evaluations = solution.summary.evaluations;
   out.message = solution.summary.message;
@@ -503,9 +448,9 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     return out;
   }
   out.path.insert(out.path.begin(), solution.summary.initial_objective);
-  output_error(problem, out.z, e, nullptr);
-  out.sd = noise_sd(problem, e);
-  out.log_likelihood = log_likelihood(problem, out.z, e, out.sd);
+  profile.evaluate(solution.x, out.log_likelihood, unused_gradient, unused_information);
+  out.z = profile.coordinates();
+  out.sd = noise_sd(problem, profile.errors());
   return out;
 }
 

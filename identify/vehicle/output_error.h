@@ -77,8 +77,9 @@ VehicleParameters<double> parameters_at(const VehicleProblem& problem, const Eig
 /// first samples, or those of steady driving where vy or r is not measured.
 Eigen::VectorXd coordinates_of(const VehicleProblem& problem, const VehicleParameters<double>& p);
 
-/// Simulated (predicted) minus measured, SI, and when `J` is not null its Jacobian with respect to
-/// the coordinates. false when the simulation diverges.
+/// Simulated (predicted) minus measured, SI, and when `J` is not null its Jacobian: a column for
+/// each of the parameters and gains, then two for the initial state of the row's own segment, on which no
+/// other segment's rows depend. false when the simulation diverges.
 bool output_error(const VehicleProblem& problem, const Eigen::VectorXd& z, Eigen::VectorXd& e,
                   LeastSquares::RowMatrix* J);
 
@@ -164,7 +165,8 @@ struct VehicleOptimum {
 };
 
 /// The maximum of the likelihood with every output's noise at its most likely size (unless given):
-/// Gauss-Newton steps whose weights follow the noise (solvers/scoring.h).
+/// Gauss-Newton steps whose weights follow the noise (solvers/scoring.h), in the parameters and
+/// gains, with every segment's initial state at its best for them, so that time is linear in the segments.
 ///
 /// Example:
 ///

@@ -4,12 +4,14 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 
 #include <Eigen/Cholesky>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/vehicle/internal/initial_states.h"
 #include "identify/vehicle/output_error.h"
 #include "identify/vehicle/steering_steps.h"
 #include "lib/base/constants.h"
@@ -215,30 +217,24 @@ class Attenuation {
     return level_.flat ? 1.0 : 0.0;
   }
 
-  /// Of the sum of squares over two, and what the draws make of both: off the curvature it is taken.
+  /// The normal equations at z, and what the draws add to them.
   bool equations(const VectorXd& z, const std::vector<std::unique_ptr<Steered>>& noisy,
-                 VectorXd& gradient, MatrixXd& curvature, VectorXd& by_noise) const {
+                 SegmentedEquations& plain, SegmentedEquations& by_noise) const {
     VectorXd e;
     RowMatrix J;
     if (!output_error(problem_, z, e, &J)) return false;
-    e = e.cwiseProduct(root_);
-    J = root_.asDiagonal() * J;
-    gradient = J.transpose() * e;
-    curvature = J.transpose() * J;
-    by_noise = VectorXd::Zero(z.size());
+    add_rows(problem_, J, e, root_, 1.0, plain);
     for (const auto& steered : noisy) {
-      VectorXd de;
-      RowMatrix dJ;
-      if (!steered->errors(z, de, &dJ)) return false;
-      de = de.cwiseProduct(root_) - e;
-      dJ = RowMatrix(root_.asDiagonal() * dJ) - J;
-      by_noise += dJ.transpose() * de / static_cast<double>(noisy.size());
-      curvature -= dJ.transpose() * dJ / static_cast<double>(noisy.size());
+      VectorXd noisy_e;
+      RowMatrix noisy_J;
+      if (!steered->errors(z, noisy_e, &noisy_J)) return false;
+      add_rows(problem_, noisy_J - J, noisy_e - e, root_, 1.0 / static_cast<double>(noisy.size()),
+               by_noise);
     }
     for (Index i = 0; i < problem_.parameters(); ++i) {
       const PriorResidual prior = prior_residual(problem_, z, i);
-      gradient[i] += prior.slope * prior.value;
-      curvature(i, i) += prior.slope * prior.slope;
+      plain.gradient[i] += prior.slope * prior.value;
+      plain.information(i, i) += prior.slope * prior.slope;
     }
     return true;
   }
@@ -248,39 +244,54 @@ class Attenuation {
     for (const VectorXd& noise : noise_) {
       noisy.push_back(std::make_unique<Steered>(problem_, problem_.run->steering + noise));
     }
-    VectorXd z = optimum_.z, at_optimum;
+    VectorXd z = optimum_.z;
+    std::optional<SegmentedEquations> at_optimum;
     for (int iteration = 0; iteration < kMostNewtonSteps; ++iteration) {
-      VectorXd gradient, by_noise;
-      MatrixXd curvature;
-      if (!equations(z, noisy, gradient, curvature, by_noise)) break;
-      if (iteration == 0) at_optimum = gradient;
-      gradient -= at_optimum + by_noise;
-      const VectorXd step = step_of(gradient, curvature, z);
+      SegmentedEquations plain(problem_), by_noise(problem_);
+      if (!equations(z, noisy, plain, by_noise)) break;
+      if (!at_optimum) at_optimum = plain;
+      const VectorXd step = step_of(corrected_equations(plain, *at_optimum, by_noise), z);
       z += step;
       if (step.head(problem_.parameters()).cwiseAbs().maxCoeff() < kSettledShift) break;
     }
     return z;
   }
 
-  VectorXd step_of(const VectorXd& gradient, const MatrixXd& curvature, const VectorXd& z) const {
+  /// Off gradient and curvature of the sum of squares is taken what the noise adds, and off the
+  /// gradient what it was at the optimum.
+  static SegmentedEquations corrected_equations(SegmentedEquations of,
+                                                const SegmentedEquations& at_optimum,
+                                                const SegmentedEquations& by_noise) {
+    of.information -= by_noise.information;
+    of.gradient -= at_optimum.gradient + by_noise.gradient;
+    for (std::size_t s = 0; s < of.segments.size(); ++s) {
+      SegmentedEquations::Segment& segment = of.segments[s];
+      segment.information -= by_noise.segments[s].information;
+      segment.cross -= by_noise.segments[s].cross;
+      segment.gradient -= at_optimum.segments[s].gradient + by_noise.segments[s].gradient;
+    }
+    return of;
+  }
+
+  VectorXd step_of(const SegmentedEquations& equations, const VectorXd& z) const {
+    const EliminatedStates eliminated = eliminate_states(equations);
     std::vector<Index> open;
-    for (Index i = 0; i < z.size(); ++i) {
-      if (i >= problem_.parameters() || !is_at_bound(problem_, z, i)) open.push_back(i);
+    for (Index i = 0; i < problem_.parameters(); ++i) {
+      if (!is_at_bound(problem_, z, i)) open.push_back(i);
     }
     const VectorXd scale =
-        curvature.diagonal().cwiseAbs().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
-    MatrixXd A = (scale.asDiagonal() * curvature * scale.asDiagonal())(open, open);
+        eliminated.information.diagonal().cwiseAbs().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+    MatrixXd A = (scale.asDiagonal() * eliminated.information * scale.asDiagonal())(open, open);
     A.diagonal().array() += 1e-9;
-    const VectorXd b = gradient.cwiseProduct(scale)(open);
+    const VectorXd b = eliminated.gradient.cwiseProduct(scale)(open);
     const VectorXd x = A.ldlt().solve(b);
-    VectorXd out = VectorXd::Zero(z.size());
+    VectorXd shared = VectorXd::Zero(scale.size());
     for (std::size_t k = 0; k < open.size(); ++k) {
-      out[open[k]] = -scale[open[k]] * x[static_cast<Index>(k)];
+      const double most = kMostPerIteration * std::max(std::abs(z[open[k]]), 0.1);
+      shared[open[k]] = std::clamp(-scale[open[k]] * x[static_cast<Index>(k)], -most, most);
     }
-    for (Index i = 0; i < problem_.parameters(); ++i) {
-      const double most = kMostPerIteration * std::max(std::abs(z[i]), 0.1);
-      out[i] = std::clamp(out[i], -most, most);
-    }
+    VectorXd out(z.size());
+    out << shared, eliminated.states + eliminated.by_shared * shared;
     return (z + out).cwiseMax(problem_.lower).cwiseMin(problem_.upper) - z;
   }
 

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 #include "identify/estimate/distribution.h"
+#include "identify/vehicle/internal/initial_states.h"
 #include "identify/vehicle/internal/robust_noise.h"
 #include "lib/base/quantile.h"
 
@@ -54,9 +55,10 @@ TyreSaturation test_tyre_saturation(const VehicleProblem& linear, const VehicleO
     e /= std::sqrt(e.squaredNorm() / static_cast<double>(e.size()));
   }
 
-  Eigen::MatrixXd others(J.rows(), J.cols() - 2);
-  others << J.leftCols(k), J.rightCols(J.cols() - k - 2);
-  const Eigen::MatrixXd X = orthogonal_part(others, J.middleCols(k, 2));
+  // What initial states and the other parameters explain is no sign of saturation.
+  Eigen::MatrixXd parameters = J.leftCols(k + 2);
+  project_out_states(problem, J.rightCols<2>(), parameters);
+  const Eigen::MatrixXd X = orthogonal_part(parameters.leftCols(k), parameters.rightCols<2>());
   const Eigen::Matrix2d information = X.transpose() * X;
   // A recording at a crawl does not bend the tyre at all, and two axles may bend it the same way.
   if (!(information.determinant() > 1e-9 * information(0, 0) * information(1, 1))) return out;

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "identify/survey/events.h"
 #include "identify/vehicle/steering_steps.h"
@@ -20,9 +21,8 @@ namespace identikal {
 namespace {
 
 constexpr Eigen::Index kFewestRows = 8;
-constexpr double kShortest = 1.0;    // [s]
-constexpr double kLongestGap = 3.0;  // [sampling periods]
-constexpr std::size_t kMostSegments = 60;
+constexpr double kShortest = 1.0;        // [s]
+constexpr double kLongestGap = 3.0;      // [sampling periods]
 constexpr double kSlowestModel = 0.5;    // [m/s]; the model divides by the speed
 constexpr double kNearlyFast = 0.9;      // and not below this share of it, which is no noise
 constexpr double kSpeedNoise = 0.25;     // [s]; for so long the speed may be below the least one
@@ -218,11 +218,44 @@ std::vector<bool> usable_rows(const Model& model, const Dataset& data, Findings&
   return out;
 }
 
+/// How far apart rows may be for a simulation to go on from one to the other [s].
+double longest_gap(const Model& model, const Dataset& data) {
+  constexpr double kRounding = 1.0 + 1e-6;  // of time stamps
+  return kRounding * std::max(kLongestGap * data.dt, as_vehicle(model).max_gap);
+}
+
+/// Straight lines across holes of an input that are no longer than a gap may be.
+/// @return how many there are
+int bridge_holes(const Eigen::VectorXd& time, double longest, Eigen::MatrixXd::RowXpr input) {
+  int out = 0;
+  Eigen::Index last = -1;  // with a sample
+  for (Eigen::Index t = 0; t < input.size(); ++t) {
+    if (!std::isfinite(input[t])) continue;
+    if (last >= 0 && last + 1 < t && time[t] - time[last] <= longest) {
+      const double slope = (input[t] - input[last]) / (time[t] - time[last]);
+      for (Eigen::Index k = last + 1; k < t; ++k) {
+        input[k] = input[last] + slope * (time[k] - time[last]);
+      }
+      ++out;
+    }
+    last = t;
+  }
+  return out;
+}
+
+/// The recording with short holes of steering, vx and roll bridged.
+Dataset with_bridged_holes(const Model& model, Dataset data, int& holes) {
+  for (Eigen::Index i = 0; i < (has_measured_roll(model) ? 3 : 2); ++i) {
+    holes += bridge_holes(data.time, longest_gap(model, data), data.u.row(i));
+  }
+  return data;
+}
+
+/// @param gap  at most, within a segment [s]
 std::vector<VehicleRun::Segment> split(const Dataset& data, const std::vector<bool>& usable,
-                                       Losses& lost) {
+                                       double gap, Losses& lost) {
   std::vector<VehicleRun::Segment> out;
   Eigen::Index first = -1;
-  double longest_gap = kLongestGap * data.dt;
   const auto close = [&](Eigen::Index end) {
     if (first >= 0) out.push_back({first, end - first});
     first = -1;
@@ -232,7 +265,7 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, const std::vector<bo
       close(t);
       continue;
     }
-    if (first >= 0 && data.time[t] - data.time[t - 1] > longest_gap) close(t);
+    if (first >= 0 && data.time[t] - data.time[t - 1] > gap) close(t);
     if (first < 0) first = t;
   }
   close(data.size());
@@ -246,14 +279,6 @@ std::vector<VehicleRun::Segment> split(const Dataset& data, const std::vector<bo
     }
     return fragment;
   });
-  if (out.size() > kMostSegments) {
-    std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.rows > b.rows; });
-    for (std::size_t i = kMostSegments; i < out.size(); ++i) lost.fragments += out[i].rows;
-    lost.segments += static_cast<Eigen::Index>(out.size() - kMostSegments);
-    out.resize(kMostSegments);
-    std::sort(out.begin(), out.end(),
-              [](const auto& a, const auto& b) { return a.first < b.first; });
-  }
   return out;
 }
 
@@ -405,6 +430,30 @@ void require_shape(const Model& model, const Dataset& data) {
   }
 }
 
+/// What the simulation goes across, in a sentence; empty where there is nothing.
+/// @param holes  of inputs
+std::string bridged_gaps(const VehicleRun& run, int holes) {
+  int gaps = 0;
+  double longest = 0.0;
+  for (const VehicleRun::Segment& s : run.segments) {
+    for (Eigen::Index t = s.first + 1; t < s.first + s.rows; ++t) {
+      const double apart = run.time[t] - run.time[t - 1];
+      if (!(apart > kLongestGap * run.step)) continue;
+      ++gaps;
+      longest = std::max(longest, apart);
+    }
+  }
+  std::vector<std::string> out;
+  if (gaps > 0) {
+    out.push_back(fmt::format("{} gap{} of up to {:.2g} s", gaps, gaps == 1 ? "" : "s", longest));
+  }
+  if (holes > 0) {
+    out.push_back(fmt::format("{} hole{} in inputs", holes, holes == 1 ? "" : "s"));
+  }
+  if (out.empty()) return "";
+  return fmt::format("{} are bridged by the simulation (max_gap)", fmt::join(out, " and "));
+}
+
 }  // namespace
 
 Eigen::Index VehicleRun::find(VehicleQuantity quantity) const {
@@ -428,12 +477,14 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
   Eigen::MatrixXd y(static_cast<Eigen::Index>(model.outputs.size()), N);
   std::vector<double> speeds, steps;
   Eigen::Index at = 0;
-  for (const Dataset& data : recordings) {
-    require_shape(model, data);
-    require_possible(model, data);
+  int holes = 0;
+  for (const Dataset& recorded : recordings) {
+    require_shape(model, recorded);
+    require_possible(model, recorded);
+    const Dataset data = with_bridged_holes(model, recorded, holes);
     Losses here;
     std::vector<VehicleRun::Segment> segments =
-        split(data, usable_rows(model, data, run.findings, here), here);
+        split(data, usable_rows(model, data, run.findings, here), longest_gap(model, data), here);
     if (segments.empty()) {
       no_usable_row(
           data, min_speed, here,
@@ -483,6 +534,9 @@ VehicleRun usable_run(const Model& model, const std::vector<Dataset>& recordings
     note += fmt::format("; {} rows dropped in {} short segments", lost.fragments, lost.segments);
   }
   run.notes.push_back(note);
+  if (const std::string bridged = bridged_gaps(run, holes); !bridged.empty()) {
+    run.notes.push_back(bridged);
+  }
   return run;
 }
 

@@ -48,8 +48,9 @@ struct VehicleRun {
 /// Splits the recordings where steering, vx or a measured roll is missing, vx is below the minimum
 /// speed by a tenth or for more than 0.25 s, the model's condition does not hold, a flag that it does
 /// not ask is set, the car spins or, with linear tyres, is held in a slide, or time jumps by more than
-/// three sampling periods; leaves out segments under 1 s or 8 rows and outputs
-/// that are dead. A segment never reaches from one recording into the next.
+/// the model's max_gap and three sampling periods; across shorter holes steering, vx and roll go
+/// straight. Leaves out segments under 1 s or 8 rows and outputs that are dead. A segment never
+/// reaches from one recording into the next.
 ///
 /// Example:
 ///

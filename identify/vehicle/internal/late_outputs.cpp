@@ -80,14 +80,14 @@ void late_segment_errors(const VehicleProblem& problem, const SingleTrack<>& car
   const JacobianColumns columns = columns_of(problem);
   const std::vector<SignalRows> outputs =
       shown(problem, car, driven, z, s, J != nullptr ? &columns : nullptr);
-  const Index k = problem.parameters(), state = problem.state_of(s);
+  const Index k = problem.parameters();
   for (; residual < problem.row.size() && problem.row[residual] < first + rows; ++residual) {
     const auto n = static_cast<Index>(residual);
     const auto row = outputs[problem.output[residual]].row(problem.row[residual] - first);
     e[n] = row[0] - problem.sample[n];
     if (J == nullptr) continue;
     J->row(n).head(k) = row.segment(1, k).cwiseProduct(problem.unknowns.scale.transpose());
-    J->row(n).segment<2>(state) = row.tail<2>().cwiseProduct(kStateScale.transpose());
+    J->row(n).tail<2>() = row.tail<2>().cwiseProduct(kStateScale.transpose());
   }
 }
 
