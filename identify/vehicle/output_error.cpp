@@ -447,7 +447,9 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     out.message = "the simulation diverges at the start";
     return out;
   }
-  out.path.insert(out.path.begin(), solution.summary.initial_objective);
+  Eigen::VectorXd e;
+  output_error(problem, start, e, nullptr);
+  out.path.insert(out.path.begin(), log_likelihood(problem, start, e, noise_sd(problem, e)));
   profile.evaluate(solution.x, out.log_likelihood, unused_gradient, unused_information);
   out.z = profile.coordinates();
   out.sd = noise_sd(problem, profile.errors());

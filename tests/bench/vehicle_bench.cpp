@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <vector>
 
 #include <fmt/format.h>
@@ -86,13 +87,46 @@ void bench(const char* model_path, const char* data_path) {
       best.z[problem.state_of(0) + 1] * kStateScale[1], best.converged, growth);
 }
 
+/// The recording with rows missing so often that it falls into this many segments, or more.
+Dataset in_segments(const Dataset& data, Eigen::Index segments) {
+  constexpr Eigen::Index kMissing = 6;
+  const Eigen::Index period = data.size() / segments;
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index t = 0; t < data.size(); ++t) {
+    if (t < kMissing || t % period >= kMissing) rows.push_back(t);
+  }
+  Dataset out = data;
+  out.time = Eigen::VectorXd(data.time(rows));
+  out.u = Eigen::MatrixXd(data.u(Eigen::all, rows));
+  out.y = Eigen::MatrixXd(data.y(Eigen::all, rows));
+  return out;
+}
+
+/// Several copies one after the other, each in as many segments as seconds: time against their number.
+void bench_segments(const char* model_path, const char* data_path) {
+  Model model = read_model_file(model_path);
+  as_vehicle(model).max_gap = 0.0;
+  const Dataset data = make_dataset(read_csv(data_path), model.time, model.inputs, model.outputs);
+  const double seconds = data.time[data.size() - 1] - data.time[0];
+  const Dataset cut = in_segments(data, static_cast<Eigen::Index>(seconds / 1.2));
+  const VehicleUnknowns unknowns = vehicle_unknowns(model);
+  for (const std::size_t copies : {1u, 2u, 4u, 8u, 16u}) {
+    const VehicleRun run = usable_run(model, std::vector<Dataset>(copies, cut));
+    Fit found;
+    const double s = seconds_of([&] { found = fit(run, unknowns); }, copies > 4 ? 1 : 3);
+    fmt::print("{} segments, {} rows: {:.4f} s, {} evaluations\n", run.segments.size(), run.used, s,
+               found.best.evaluations);
+  }
+}
+
 }  // namespace
 }  // namespace identikal
 
 int main(int argc, char** argv) {
-  if (argc != 3) {
-    std::fputs("usage: vehicle_bench MODEL RECORDING\n", stderr);
+  const bool segments = argc == 4 && std::strcmp(argv[3], "segments") == 0;
+  if (argc != 3 && !segments) {
+    std::fputs("usage: vehicle_bench MODEL RECORDING [segments]\n", stderr);
     return 2;
   }
-  identikal::bench(argv[1], argv[2]);
+  segments ? identikal::bench_segments(argv[1], argv[2]) : identikal::bench(argv[1], argv[2]);
 }

@@ -55,7 +55,8 @@ const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
     "include, recordings, A, B, C, "
     "D, G, Q, "
-    "R, S, initial, flags, load_transfer, roll, sensors, tyre, regression, states, let, dynamics, "
+    "R, S, initial, flags, load_transfer, max_gap, roll, sensors, tyre, regression, states, let, "
+    "dynamics, "
     "doses";
 const std::string kVehicleKeys =
     "m, a, b, Iz, Cf, Cr, steering_ratio, steering_gain, steering_offset, steering_delay, "

@@ -225,16 +225,16 @@ TEST(VehicleFit, RunsInSegments) {
                                 [](double t) { return 16.0 + 3.0 * std::sin(0.5 * t); }),
                             {0.01, 0.03}, 7);
   data.dt = 0.01;
-  data.u(0, 700) = kMissing;                         // one steering angle
-  data.u.row(1).segment(1300, 20).setConstant(1.0);  // stands still
-  data.u(1, 1310) = kMissing;
-  data.u(0, 1325) = kMissing;  // leaves a fragment behind the stop
+  data.u.row(0).segment(700, 12).setConstant(kMissing);   // longer than max_gap
+  data.u.row(1).segment(1300, 20).setConstant(1.0);       // stands still
+  data.u(1, 1310) = kMissing;                             // a hole that is bridged
+  data.u.row(0).segment(1325, 12).setConstant(kMissing);  // leaves a fragment behind the stop
   data.y.row(0).segment(100, 300).setConstant(kMissing);
   const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   ASSERT_FALSE(fit.notes.empty());
   EXPECT_THAT(fit.notes[0], HasSubstr("in 4 segments"));
   EXPECT_THAT(fit.notes[0], HasSubstr("short segments"));
-  EXPECT_THAT(fit.notes[0], HasSubstr("19 rows below 3 m/s"));
+  EXPECT_THAT(fit.notes[0], HasSubstr("20 rows below 3 m/s"));
   for (const char* name : {"Cf", "Cr"}) {
     EXPECT_NEAR(parameter(fit, name).value, 88107.7, 4.0 * parameter(fit, name).se) << name;
   }
@@ -662,7 +662,7 @@ TEST(VehicleFitRefuses, MissingInputs) {
   EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("700 without vx"));
   data = lane_change({}, 100.0);
   for (Eigen::Index t = 0; t < 700; ++t) {
-    if (t % 5 != 0) data.u(0, t) = kMissing;
+    if (t % 15 != 0) data.u(0, t) = kMissing;
   }
   EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("without steering angle"));
   data.u.conservativeResize(1, Eigen::NoChange);
