@@ -97,6 +97,7 @@ struct Objective {
   /// Of the likelihood (lib/filter/likelihood.h): "time_varying_filter", "steady_state_filter" or
   /// "sample_autocovariances"; and why not a faster one.
   std::string evaluation_method, evaluation_reason;
+  double integration_step = kNone;  ///< the shortest that was taken of equations of motion [s]
 };
 
 /// Objective::method of a fit to the errors of a simulation, which need not be white.

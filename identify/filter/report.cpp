@@ -308,16 +308,30 @@ Findings check_own_step(const Model& given, const ParameterSet& parameters,
            "leave out integration_step, or shorten it"}};
 }
 
+// [s]; kNone in discrete time.
+double shortest_step(const Model& model, const Dataset& data, const std::vector<int>& steps) {
+  double out = kNone;
+  if (!as_formulas(model).equations.continuous) return out;
+  for (std::size_t k = 0; k < steps.size(); ++k) {
+    const auto n = static_cast<Eigen::Index>(k);
+    out = std::fmin(out, (data.time[n + 1] - data.time[n]) / steps[k]);
+  }
+  return out;
+}
+
 // Where the likelihood is not as smooth as the search takes it to be, or not the model's own.
+/// @param shortest  step of equations of motion [s], written; kNone: they are controlled, or there are none
 Findings check_integration(const Model& model, const ParameterSet& parameters,
-                           const std::vector<Dataset>& recordings) {
+                           const std::vector<Dataset>& recordings, double& shortest) {
   double largest = 0.0;
   bool controlled = false;
   std::string where;
+  shortest = kNone;
   for (const Dataset& data : recordings) {
     const Integration chosen = integration_of(model, parameters, data);
     const IntegrationSteps& steps = chosen.steps;
     controlled = controlled || chosen.controlled;
+    shortest = controlled ? kNone : std::fmin(shortest, shortest_step(model, data, steps.steps));
     if (chosen.controlled || steps.status != StepStatus::capped ||
         steps.largest_change <= largest) {
       continue;
@@ -557,7 +571,8 @@ std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& m
   report_innovations(estimate, recordings, filters);
   estimate.references = reference_fits(model, parameters, recordings);
   if (is_formula_model(model)) {
-    append(estimate.findings, check_integration(model, parameters, recordings));
+    append(estimate.findings,
+           check_integration(model, parameters, recordings, estimate.objective.integration_step));
     report_simulation(estimate, model, parameters, recordings);
   }
   return filters;

@@ -161,6 +161,9 @@ void describe(Fields& fields, Objective& objective) {
          "how the likelihood was evaluated");
   fields("evaluation_reason", objective.evaluation_reason,
          "why it was not evaluated in a faster way");
+  fields("integration_step", objective.integration_step,
+         "the shortest integration step that equations of motion needed [s]; null where none has a "
+         "fixed one");
 }
 
 // The channel is the key that these stand under.
