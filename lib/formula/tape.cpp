@@ -6,20 +6,12 @@
 #include <map>
 #include <utility>
 
+#include "lib/formula/internal/tape_codes.h"
+
 namespace identikal {
 namespace {
 
 using Id = FormulaGraph::Id;
-
-// Beyond those of Op.
-enum TapeCode : std::uint16_t {
-  kMultiplyAdd = static_cast<int>(Op::hypot) + 1,  // a b + c
-  kMultiplySubtract,                               // a b - c
-  kSubtractProduct,                                // c - a b
-  kTwoProducts,                                    // a b + c d
-  kThreeProducts,                                  // the same of six factors in `places`
-  kSumOfProducts,                                  // sum of positive a b - sum of negative a b
-};
 
 constexpr std::size_t kMostTerms = 1000;  // of one instruction
 

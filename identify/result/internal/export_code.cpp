@@ -1,9 +1,13 @@
 #include "identify/result/internal/export_code.h"
 
+#include <algorithm>
 #include <cctype>
 #include <set>
 
 #include <fmt/format.h>
+
+#include "identify/result/internal/filter_code.h"
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -11,12 +15,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-// The shortest text that reads as this very number, never as an integer.
-std::string exact(double value) {
-  std::string out = fmt::format("{}", value);
-  if (out.find_first_of(".e") == std::string::npos) out += ".0";
-  return out;
-}
+std::string exact(double value) { return number_code(value, CodeLanguage::c); }
 
 // A word that every language takes as a name once a suffix is added.
 std::string identifier(const std::string& text) {
@@ -72,6 +71,32 @@ std::string ending(const std::string& remark, const char* mark) {
   return remark.empty() ? "\n" : fmt::format("  {} {}\n", mark, remark);
 }
 
+// What a program calls the equations' parameters: members that are there, numbers else.
+FilterCodeNames names_in_filter(const ExportContents& c, const std::string& prefix,
+                                const std::string& before, const std::string& behind,
+                                CodeLanguage language) {
+  FilterCodeNames out{prefix, {}};
+  const ParameterSet& parameters = c.program->parameters;
+  for (Index i = 0; i < as_formulas(*c.program).equations.parameters; ++i) {
+    const Parameter& p = parameters[static_cast<std::size_t>(i)];
+    const bool is_member = std::any_of(c.members.begin(), c.members.end(),
+                                       [&](const StructMember& m) { return m.name == p.name; });
+    const std::string word = language == CodeLanguage::c ? member_name(p.name) : p.name;
+    out.parameters.push_back(is_member ? before + word + behind
+                                       : number_code(p.scalar(), language));
+  }
+  return out;
+}
+
+// Where the equations are continuous and their steps are known.
+bool has_integration_step(const ExportContents& c) {
+  return c.program && as_formulas(*c.program).equations.continuous;
+}
+
+double integration_step(const ExportContents& c) {
+  return c.integration_step > 0.0 ? c.integration_step : kInfinity;
+}
+
 }  // namespace
 
 std::string c_header(const ExportContents& c, const std::string& model, const std::string& comments,
@@ -84,6 +109,7 @@ std::string c_header(const ExportContents& c, const std::string& model, const st
                : fmt::format("static const {} {}_{}", type, name, of);
   };
   std::string out = comments + fmt::format("#ifndef {0}\n#define {0}\n\n", guard);
+  if (c.program) out += "#include <math.h>\n\n";
   if (!c.matrices.empty()) out += "// matrices by rows\n";
   if (cpp) out += fmt::format("namespace {} {{\n\n", name);
   if (!c.members.empty()) {
@@ -109,6 +135,16 @@ std::string c_header(const ExportContents& c, const std::string& model, const st
   }
   if (!c.tyre_curve.empty()) {
     out += fmt::format("{} = \"{}\";\n", constant("char", "tyre_curve[]"), c.tyre_curve);
+  }
+  if (has_integration_step(c)) {
+    out += fmt::format("{} = {};  // of the integration [s], at most\n",
+                       constant("double", "longest_step"),
+                       number_code(integration_step(c), CodeLanguage::c));
+  }
+  if (c.program) {
+    const std::string prefix = cpp ? "" : name + "_";
+    out += filter_in_c(*c.program,
+                       names_in_filter(c, prefix, prefix + "estimate.", "", CodeLanguage::c), cpp);
   }
   if (cpp) out += fmt::format("\n}}  // namespace {}\n", name);
   return out + "\n#endif\n";
@@ -145,6 +181,14 @@ std::string python_script(const ExportContents& c) {
            ending(m.remark, "#");
   }
   if (!c.tyre_curve.empty()) out += fmt::format("tyre_curve = \"{}\"\n", c.tyre_curve);
+  if (has_integration_step(c)) {
+    out += fmt::format("longest_step = {}  # of the integration [s], at most\n",
+                       number_code(integration_step(c), CodeLanguage::python));
+  }
+  if (c.program) {
+    out +=
+        filter_in_python(*c.program, names_in_filter(c, "", "p[\"", "\"]", CodeLanguage::python));
+  }
   return out;
 }
 

@@ -11,6 +11,7 @@
 #include "identify/model/model_file.h"
 #include "identify/result/estimated_model.h"
 #include "identify/result/internal/export_comments.h"
+#include "identify/result/internal/filter_code.h"
 #include "lib/base/error.h"
 #include "lib/data/units.h"
 
@@ -103,6 +104,13 @@ void add_formulas(ExportContents& to, const StoredResult& result) {
                                  e.objective.filter));
   if (changes(model) && holds_moving(noise_model(model))) {
     to.lines.emplace_back("matrices that change from sample to sample are not among them");
+  }
+  const std::string why_not = why_no_filter_code(model, e.objective.filter);
+  if (why_not.empty()) {
+    to.integration_step = e.objective.integration_step;
+    to.program = model;
+  } else {
+    to.lines.push_back("functions of the filter are not exported: " + why_not);
   }
   if (!to.states.empty()) to.lines.push_back("states x: " + channel_list(to.states, ""));
   to.lines.push_back("outputs y: " + channel_list(to.outputs));

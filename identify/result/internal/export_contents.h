@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "identify/model/model.h"
 #include "identify/result/file.h"
 
 namespace identikal {
@@ -37,7 +38,9 @@ struct ExportContents {
   std::string tyre_curve;
   std::string Q_kind;  // where no remark of a matrix tells a program
   std::vector<SteadyFilter::Channel> states, outputs, inputs;
-  std::vector<std::string> lines;  // what a reader has to know
+  std::vector<std::string> lines;   // what a reader has to know
+  std::optional<Model> program;     // whose filter is exported as functions
+  double integration_step = kNone;  // [s]; not finite: one step from sample to sample
 };
 
 /// @throws InputError when the result holds nothing to export, or lacks a number of it
