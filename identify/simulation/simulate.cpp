@@ -266,7 +266,9 @@ MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random&
     }
   }
   const FormulaModel& formulas = as_formulas(model);
-  const int pieces = formulas.equations.continuous ? 10 : 1;
+  // A dose belongs to a row of the recording, and would be given again in each piece.
+  const bool doses = formulas.equations.doses.values > 0;
+  const int pieces = formulas.equations.continuous && !doses ? 10 : 1;
   const Dataset fine = refined(recording, formulas.inputs, pieces);
   NonlinearRealisation found;
   try {

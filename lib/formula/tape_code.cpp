@@ -148,13 +148,9 @@ class TapeWriter {
       case Op::divide:
         return {at(i.a) + std::string(spelling(op)) + at(i.b), false};
       case Op::logical_and:
-        return {c ? at(i.a) + " && " + at(i.b)
-                  : "float(bool(" + at(i.a) + ") and bool(" + at(i.b) + "))",
-                !c};
+        return {c ? at(i.a) + " && " + at(i.b) : both(i, "and"), !c};
       case Op::logical_or:
-        return {c ? at(i.a) + " || " + at(i.b)
-                  : "float(bool(" + at(i.a) + ") or bool(" + at(i.b) + "))",
-                !c};
+        return {c ? at(i.a) + " || " + at(i.b) : both(i, "or"), !c};
       case Op::logical_not:
         return {c ? "!" + at(i.a) : "float(not " + at(i.a) + ")", !c};
       case Op::choose:
@@ -170,6 +166,11 @@ class TapeWriter {
                     (operands(op) == 2 ? ", " + text_[i.b].text : "") + ")",
                 true};
     }
+  }
+
+  /// In Python, whose `and` and `or` return one of the numbers.
+  std::string both(const Tape::Instruction& i, const char* word) const {
+    return "float(bool(" + text_[i.a].text + ") " + word + " bool(" + text_[i.b].text + "))";
   }
 
   std::string function_name(Op op) const {

@@ -27,7 +27,7 @@ def compiled(folder, source, name, compiler, standard):
     """What a program that includes nothing but the export and stdio prints; no warning allowed."""
     path = folder.write(name, source)
     program = folder.path / "program"
-    done = subprocess.run([compiler, standard, "-Wall", "-Wextra", "-pedantic", "-Werror", path, "-o", program],
+    done = subprocess.run([compiler, standard, "-Wall", "-Wextra", "-pedantic", "-Werror", path, "-o", program, "-lm"],
                           capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return [float(v) for v in subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()]

@@ -98,6 +98,27 @@ class Simulate(unittest.TestCase):
                 folder.write("m.yaml", (text % step).replace("noise: {process: density}\n", ""))
                 self.assertIn("does not say what its Q is", run("tune", model, folder.path / "simulated.csv", code=2).stderr)
 
+    def test_a_dose_is_given_once(self):
+        """x' = -x/2 from a dose of 10 at 2 s."""
+        with Folder() as folder:
+            model = folder.write("m.yaml", """identikal: 1
+time: {kind: continuous, column: t, unit: s, sampling: irregular}
+parameters: {k: 0.5 1/s, q: 1e-16, r: 1e-16}
+states: [x]
+inputs: {amount: {}}
+dynamics: {x: -k*x*(1 + 0*x)}
+doses: {x: amount}
+outputs: {y: {equals: sqrt(x^2)}}
+noise: {process: {kind: density, variance: {x: q}}, measurement: {variance: {y: r}}}
+initial: {mean: {x: 0}, sd: {x: 0}}
+""")
+            given = folder.write("given.csv", "t,amount\n0,0\n1,0\n2,10\n3,0\n5,\n")
+            run("simulate", model, given, "-o", folder.path, code=0)
+            lines = [line for line in (folder.path / "simulated.csv").read_text().splitlines() if not line.startswith("#")]
+            y = [float(line.split(",")[0]) for line in lines[1:]]
+            for found, expected in zip(y, [0, 0, 0, 10 * math.exp(-0.5), 10 * math.exp(-1.5)]):
+                self.assertAlmostEqual(found, expected, delta=1e-6)
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

@@ -93,8 +93,10 @@ bool has_integration_step(const ExportContents& c) {
   return c.program && as_formulas(*c.program).equations.continuous;
 }
 
+// Without the rounding of time stamps.
 double integration_step(const ExportContents& c) {
-  return c.integration_step > 0.0 ? c.integration_step : kInfinity;
+  if (!(c.integration_step > 0.0)) return kInfinity;
+  return std::stod(fmt::format("{:.9g}", c.integration_step));
 }
 
 }  // namespace

@@ -40,7 +40,9 @@ bool is_density(const Model& model) {
 
 /// Whether inputs go straight from sample to sample, so that the next ones are needed.
 bool is_between(const Model& model) {
-  return formulas_of(model).equations.continuous && formulas_of(model).inputs == InputPath::linear;
+  const FormulaModel& formulas = formulas_of(model);
+  return formulas.equations.continuous && formulas.equations.inputs > 0 &&
+         formulas.inputs == InputPath::linear;
 }
 
 // ------------------------------------------------------------------------------------------ C, C++

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/base/random.h"
+#include "lib/formula/tape_code.h"
 #include "tests/support/formula_witness.h"
 
 namespace identikal {
@@ -218,6 +219,42 @@ TEST(Tape, DerivativesThatGrowWithoutBoundAreRefused) {
     by.push_back(i);
   }
   EXPECT_THROW(graph.gradient(chain, by), FormulaError);
+}
+
+std::string joined(const std::vector<std::string>& lines) {
+  std::string out;
+  for (const std::string& line : lines) out += line + "\n";
+  return out;
+}
+
+// That the code computes what the tape does is seen where it is compiled (export_filter_test.py).
+TEST(TapeCode, ReadsAsAPersonWouldWriteIt) {
+  const std::vector<Expression> formulas{
+      parse_expression("p*sin(x) - y^2/q", kTapeNames),
+      parse_expression("if(x < y and not (z > 1), -x, atan2(y, 2))", kTapeNames)};
+  const Tape tape = compile(formulas, kTapeHeld, kAllSymbols);
+  const TapeCode c = code_of(tape, CodeLanguage::c, {"x[0]", "x[1]", "x[2]", "e.p", "e.q"}, 1);
+  EXPECT_EQ(joined(c.statements), "t1 = (x[0] < x[1]) && (!(1.0 < x[2]))\n");
+  EXPECT_EQ(joined(c.values),
+            "e.p*sin(x[0]) + (x[1]*x[1])*(-(1.0/e.q))\n"
+            "t1 ? (-x[0]) : atan2(x[1], 2.0)\n");
+  EXPECT_EQ(joined(c.jacobian), "e.p*cos(x[0])\nt1 ? (-1.0) : 0.0\n");
+  const TapeCode python =
+      code_of(tape, CodeLanguage::python, {"x[0]", "x[1]", "x[2]", "p", "q"}, 0);
+  EXPECT_EQ(joined(python.statements),
+            "t1 = (-x[0]) if float(bool(x[0] < x[1]) and bool(float(not (1.0 < x[2])))) else "
+            "np.arctan2(x[1], 2.0)\n");
+  EXPECT_EQ(joined(python.values), "p*np.sin(x[0]) + (x[1]*x[1])*(-(1.0/q))\nt1\n");
+  EXPECT_TRUE(python.jacobian.empty());
+  EXPECT_THROW(code_of(tape, CodeLanguage::c, {"x"}, 1), std::invalid_argument);
+}
+
+TEST(TapeCode, NumbersReadBackAsTheyAre) {
+  EXPECT_EQ(number_code(3.0, CodeLanguage::c), "3.0");
+  EXPECT_EQ(number_code(-1e300, CodeLanguage::python), "-1e+300");
+  EXPECT_EQ(number_code(0.1, CodeLanguage::c), "0.1");
+  EXPECT_EQ(number_code(-INFINITY, CodeLanguage::c), "-INFINITY");
+  EXPECT_EQ(number_code(NAN, CodeLanguage::python), "np.nan");
 }
 
 }  // namespace
