@@ -109,6 +109,8 @@ void add_formulas(ExportContents& to, const StoredResult& result) {
   if (why_not.empty()) {
     to.integration_step = e.objective.integration_step;
     to.program = model;
+    to.lines.emplace_back(
+        "functions (--to c, cpp, python): from x0 and P0 on, at every sample update, then predict");
   } else {
     to.lines.push_back("functions of the filter are not exported: " + why_not);
   }

@@ -110,6 +110,7 @@ void add_new_keys(Json& result) {
   add("objective", "leading", Json::array());
   add("objective", "bic_values", nullptr);
   add("objective", "rows", 0);
+  add("objective", "integration_step", nullptr);
   add("tests/*", "share", nullptr);
   add("parameters/*", "se_structure", nullptr);
   add("", "driven", Json::array());
