@@ -147,6 +147,12 @@ for k in range(len(t)):
         self.agrees("model_2_turns", STRAIGHT, ["u", "brake"], ["a", "b"], degrees, True, True,
                     ["-n", 200, "--input", "u=8*sin(0.7*t) + 3", "--input", "brake=if(sin(t) > 0.8, 1, 0)"])
 
+    def test_whole_matrices_of_noise(self):
+        model = DISCRETE.replace("name: map", "name: whole").replace("q: 0.01, r: 0.04", "c: 1").replace(
+            "noise: {process: {variance: {x: q, z: q}}, measurement: {variance: {y: r}}}", "Q: {structure: full, start: 0.01}\nR: {structure: diagonal, start: 0.04}")
+        self.agrees("whole", model.replace("+ u\"", "+ c*u\""), ["u"], ["y"], {}, False, False, ["-n", 150, "--input", "u=0.3*sin(0.2*t)"])
+        self.assertIn("double Q_2_1;  // -", run("export", self.out, "--to", "c", "--force", code=0).stdout)
+
     def test_discrete(self):
         self.agrees("map", DISCRETE, ["u"], ["y"], {}, False, False, ["-n", 150, "--input", "u=0.3*sin(0.2*t)"])
 

@@ -589,10 +589,11 @@ class FormulaReader {
     out_.references = read_references(root_, formulas_, states, known_parameters(), read);
   }
 
+  // Of those that formulas can hold; whole matrices of noise are behind them.
   std::vector<bool> known_parameters() const {
     const std::vector<bool> differ = differs(out_.recordings, parameters_.set.size());
     std::vector<bool> out;
-    for (std::size_t i = 0; i < differ.size(); ++i) {
+    for (std::size_t i = 0; i < parameters_.names.size(); ++i) {
       out.push_back(parameters_.set[i].fixed && !differ[i]);
     }
     return out;

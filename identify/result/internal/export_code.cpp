@@ -50,7 +50,12 @@ std::string member_name(const std::string& name) {
       "this",      "throw",    "true",     "try",       "typedef",   "typeid",     "typename",
       "union",     "unsigned", "using",    "virtual",   "void",      "volatile",   "while",
       "xor"};
-  return reserved.contains(name) ? name + "_" : name;
+  if (reserved.contains(name)) return name + "_";
+  std::string out;  // of an entry of a matrix, "R(1,2)": R_1_2
+  for (const char c : name) {
+    if (c != ')') out += c == '(' || c == ',' ? '_' : c;
+  }
+  return out;
 }
 
 std::string row_text(const MatrixXd& M, Index i) {
