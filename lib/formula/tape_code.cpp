@@ -63,7 +63,7 @@ class TapeWriter {
  private:
   struct Text {
     std::string text;
-    bool atom = true;  // needs no parentheses, whatever stands beside it
+    bool atom = true;  // needs no parentheses as an operand
   };
 
   /// From the last instruction to the first: what nothing needs uses nothing.

@@ -12,7 +12,7 @@ namespace identikal {
 /// Why there is no program; empty: there is one.
 std::string why_no_filter_code(const Model& model, const std::string& method);
 
-/// What a program calls the numbers that are exported beside it.
+/// What the exported numbers are called, for the functions that use them.
 struct FilterCodeNames {
   std::string prefix;                   ///< of all names; empty where they have a namespace
   std::vector<std::string> parameters;  ///< text of each of the equations' parameters

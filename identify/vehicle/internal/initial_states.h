@@ -41,9 +41,9 @@ struct EliminatedStates {
 };
 EliminatedStates eliminate_states(const SegmentedEquations& equations);
 
-/// Takes out of the columns of X and Y, m rows each, what the initial states of each row's segment
-/// explain.
+/// Takes out of the columns of X what the initial states of each row's segment explain.
 /// @param states  m x 2: derivatives by them
+/// @param X       m x any
 /// @return m x 2, an orthonormal basis of it by segments; a column is zero where a segment's states are told by fewer
 Eigen::MatrixX2d project_out_states(const VehicleProblem& problem, const Eigen::MatrixX2d& states,
                                     Eigen::MatrixXd& X);
