@@ -451,7 +451,7 @@ std::string bridged_gaps(const VehicleRun& run, int holes) {
     out.push_back(fmt::format("{} hole{} in inputs", holes, holes == 1 ? "" : "s"));
   }
   if (out.empty()) return "";
-  return fmt::format("{} are bridged by the simulation (max_gap)", fmt::join(out, " and "));
+  return fmt::format("bridged by the simulation (max_gap): {}", fmt::join(out, " and "));
 }
 
 }  // namespace

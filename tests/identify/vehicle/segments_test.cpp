@@ -65,8 +65,7 @@ TEST(VehicleSegments, ShortGapsAreSimulatedAcross) {
   const VehicleRun bridged = usable_run(car_for_gaps(), {hiccups});
   EXPECT_EQ(bridged.segments.size(), 1u);
   EXPECT_EQ(bridged.used, hiccups.size());
-  EXPECT_EQ(bridged.notes.back(),
-            "19 gaps of up to 0.06 s are bridged by the simulation (max_gap)");
+  EXPECT_EQ(bridged.notes.back(), "bridged by the simulation (max_gap): 19 gaps of up to 0.06 s");
   EXPECT_EQ(usable_run(car_for_gaps("max_gap: 0 s\n"), {hiccups}).segments.size(), 20u);
   EXPECT_EQ(usable_run(car_for_gaps("max_gap: 50 ms\n"), {hiccups}).segments.size(), 20u);
   EXPECT_EQ(usable_run(car_for_gaps("max_gap: 60 ms\n"), {hiccups}).segments.size(), 1u);
@@ -82,7 +81,7 @@ TEST(VehicleSegments, ShortHolesOfInputsAreStraight) {
   const VehicleRun run = usable_run(car_for_gaps(), {data});
   EXPECT_EQ(run.segments.size(), 1u);
   EXPECT_EQ(run.used, data.size());
-  EXPECT_EQ(run.notes.back(), "2 holes in inputs are bridged by the simulation (max_gap)");
+  EXPECT_EQ(run.notes.back(), "bridged by the simulation (max_gap): 2 holes in inputs");
   const double share = 3.0 / 6.0;
   EXPECT_NEAR(run.steering[1002], data.u(0, 999) + share * (data.u(0, 1005) - data.u(0, 999)),
               1e-12);
