@@ -19,6 +19,9 @@ constexpr int kRadauStages = 3;
 constexpr int kMostIterations = 12;      // of Newton's method in a step
 constexpr int kMostTrials = 2000;        // steps, rejected ones included, in an interval
 constexpr double kShortestStep = 1e-14;  // of the interval
+// The same: what is off by no more than such a step is off by nothing. At a kink of the rates from a
+// state that is exactly zero, no step is small against what it has moved.
+constexpr double kCrossed = 1e-10;
 constexpr double kFloor = 1e-3;   // of the largest a state has been: below, errors count like there
 constexpr double kSolved = 1e-2;  // of the tolerated error, by Newton's method
 
@@ -64,11 +67,13 @@ class ControlledMotion {
       const bool last = h > rest * (1.0 - 1e-10);
       if (last) h = rest;
       const double error = try_step(at, h, rejected);
-      if (error <= 1.0) {
+      const bool crossed = error > 1.0 && std::isfinite(error) && h <= kCrossed * length_;
+      if (error <= 1.0 || crossed) {
         if (jacobian != nullptr) add_slopes(at, h);
         x_ += Z_.tail(n_);
         control.largest = control.largest.cwiseMax(x_.cwiseAbs());
-        const double next = h * std::clamp(0.9 * std::pow(error, -0.25), 0.2, 8.0);
+        const double next =
+            h * (crossed ? 8.0 : std::clamp(0.9 * std::pow(error, -0.25), 0.2, 8.0));
         // What the interval's end cut short says nothing of the next one's first step.
         control.step = last ? std::max(control.step, next) : next;
         at = last ? length_ : at + h;

@@ -148,6 +148,22 @@ TEST(ControlledMotion, FindsJumpsAndSaysWhatOverflows) {
   EXPECT_FALSE(path_of(undefined, one, one, nodes(time)).x.col(1).allFinite());
 }
 
+// At the kink no step is small against a state that is exactly zero before.
+TEST(ControlledMotion, LeavesADeadZoneFromRest) {
+  const NonlinearModel model = model_of({"max(0, t - 0.337)*p0", "x0 - 2*x1"}, 1);
+  const VectorXd time = VectorXd::LinSpaced(11, 0.0, 1.0);
+  const Path path = path_of(model, VectorXd{{3.0}}, VectorXd::Zero(2), nodes(time));
+  for (Index k = 0; k < time.size(); ++k) {
+    const double s = std::max(0.0, time[k] - 0.337);
+    EXPECT_NEAR(path.x(0, k), 1.5 * s * s, 1e-8) << k;
+    // x1' = 1.5 s^2 - 2 x1
+    EXPECT_NEAR(path.x(1, k), 1.5 * (s * s / 2.0 - s / 2.0 + 0.25 - 0.25 * std::exp(-2.0 * s)),
+                1e-8)
+        << k;
+  }
+  EXPECT_NEAR(path.by_p[0], 0.5 * 0.663 * 0.663, 1e-7);
+}
+
 TEST(ControlledMotion, Refuses) {
   const VectorXd time = VectorXd::LinSpaced(4, 0.0, 3.0);
   EXPECT_THROW(nodes(time, 0.0), std::invalid_argument);
