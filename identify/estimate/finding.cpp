@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 109> kKinds = {{
+constexpr std::array<FindingKind, 110> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -263,6 +263,9 @@ constexpr std::array<FindingKind, 109> kKinds = {{
      "Least squares follow changes; noise in the regressors biases values"},
     {FindingCode::consequences, "consequences", Severity::note, Severity::note, Status::ok,
      Rank::other, InMessage::nothing, "Also found, as the misread channel above causes it"},
+    {FindingCode::constraint, "constraint", Severity::note, Severity::warning, Status::ok,
+     Rank::consequence, InMessage::nothing,
+     "A constraint holds the estimate back, or the data speak against it"},
     {FindingCode::at_bound, "at_bound", Severity::note, Severity::serious, Status::untrusted,
      Rank::consequence, InMessage::name,
      "A parameter ended at its bound; serious where that biases the stiffnesses"},

@@ -125,6 +125,7 @@ enum class FindingCode {
   tracked_only,
   consequences,
   // What a misread channel causes too.
+  constraint,
   at_bound,
   poor_fit,
   noise_differs,

@@ -26,6 +26,11 @@ using Eigen::VectorXd;
 void check_future(const Model& model, const Dataset& recording, Index rows, const Dataset* future) {
   if (rows < 1) throw InputError({}, fmt::format("{} rows to forecast", rows), "1 or more");
   if (recording.u.rows() == 0) return;
+  if (is_formula_model(model) && !as_formulas(model).late.empty()) {
+    throw InputError({model.source, 0, 0},
+                     "a forecast of a model whose inputs are late by a parameter",
+                     "delay: a time, such as the one that was estimated");
+  }
   if (future == nullptr) {
     throw InputError({model.source, 0, 0}, "the model has inputs", "those of the rows to come",
                      "--inputs FILE");

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/filter/changing_recordings.h"
+#include "identify/model/late_inputs.h"
 #include "identify/model/own_parameters.h"
 #include "identify/model/starting_state.h"
 #include "lib/base/constants.h"
@@ -124,25 +125,25 @@ std::optional<IntegrationSteps> steps_of_file(const Model& model, const Dataset&
   return out;
 }
 
-InputNodes nodes_in(const FormulaModel& model, const Dataset& recording,
+InputNodes nodes_in(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
                     const std::vector<int>& steps) {
-  return input_nodes(recording.time, recording.u, model.inputs, steps);
+  return input_nodes(recording.time, inputs_at(model, at, recording), model.inputs, steps);
 }
 
-InputNodes controlled_nodes_in(const FormulaModel& model, const Dataset& recording,
-                               double tolerance = kFollowed) {
-  return controlled_nodes(recording.time, recording.u, model.inputs, tolerance);
+InputNodes controlled_nodes_in(const FormulaModel& model, const ParameterSet& at,
+                               const Dataset& recording, double tolerance = kFollowed) {
+  return controlled_nodes(recording.time, inputs_at(model, at, recording), model.inputs, tolerance);
 }
 
-InputNodes nodes_in(const FormulaModel& model, const Dataset& recording,
+InputNodes nodes_in(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
                     const Integration& integration) {
-  return integration.controlled ? controlled_nodes_in(model, recording)
-                                : nodes_in(model, recording, integration.steps.steps);
+  return integration.controlled ? controlled_nodes_in(model, at, recording)
+                                : nodes_in(model, at, recording, integration.steps.steps);
 }
 
 // For the filter with these values.
 InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording) {
-  return nodes_in(as_formulas(model), recording, integration_of(model, at, recording));
+  return nodes_in(as_formulas(model), at, recording, integration_of(model, at, recording));
 }
 
 // Do these steps follow the motion from x at all? Without noise.
@@ -150,7 +151,7 @@ bool follow(const FormulaModel& model, const ParameterSet& at, const Dataset& re
             const std::vector<int>& steps, VectorXd x) {
   ModelMemory memory = make_memory(model.equations);
   set_parameters(model.equations, memory, formula_parameters(model, at));
-  const InputNodes nodes = nodes_in(model, recording, steps);
+  const InputNodes nodes = nodes_in(model, at, recording, steps);
   for (Index k = 0; k + 1 < recording.size() && x.allFinite(); ++k) {
     step(model.equations, memory, nodes, k, x);
   }
@@ -167,7 +168,8 @@ Integration motion_integration(const Model& model, const ParameterSet& at, const
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at), x,
-                                    recording.time, recording.u, formulas.inputs, tolerance)};
+                                    recording.time, inputs_at(formulas, at, recording),
+                                    formulas.inputs, tolerance)};
   out.controlled = without_noise && out.steps.status != StepStatus::ok;
   return out;
 }
@@ -198,7 +200,8 @@ Integration integration_from(const Model& model, const ParameterSet& at, const D
   StepTolerance tolerance;
   if (without_noise) tolerance.most = kManySteps;
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at), noise,
-                                    recording.time, recording.u, formulas.inputs, recording.y,
+                                    recording.time, inputs_at(formulas, at, recording),
+                                    formulas.inputs, recording.y,
                                     filter_options(formulas, recording), tolerance)};
   out.controlled = without_noise && (out.steps.status != StepStatus::ok ||
                                      !follow(formulas, at, recording, out.steps.steps, noise.x0));
@@ -217,7 +220,7 @@ NonlinearRecordings::NonlinearRecordings(const Model& model, const std::vector<D
     noise_.push_back(noise_of_recording(as_formulas(model), i));
     const Integration integration = integration_from(model, model.parameters, recording,
                                                      written_matrices(noise_[i], model.parameters));
-    inputs_.push_back(nodes_in(as_formulas(model), recording, integration));
+    inputs_.push_back(nodes_in(as_formulas(model), model.parameters, recording, integration));
     options_.push_back(filter_options(as_formulas(model), recording));
     steps_.push_back(integration.steps.steps);
   }
@@ -232,6 +235,7 @@ NonlinearSteps::NonlinearSteps(const Model& model, const Dataset& recording)
 void NonlinearSteps::set(const ParameterSet& given) {
   const FormulaModel& formulas = as_formulas(model_);
   const ParameterSet at = values_in(given, recording_);
+  if (!formulas.late.empty()) nodes_ = filter_nodes(model_, at, recording_);
   set_parameters(formulas.equations, memory_, formula_parameters(formulas, at));
   noise_ = started(formulas, at, written_matrices(formulas.noise, at), recording_).noise;
   if (!noise_.R.isDiagonal(0.0)) {
@@ -265,10 +269,21 @@ void NonlinearSteps::move(Index t, VectorXd& x, MatrixXd& P) {
   P = (slopes_.wrt_x * P * slopes_.wrt_x.transpose() + W).eval();
 }
 
+void NonlinearRecordings::take_delays(const ParameterSet& at) {
+  const FormulaModel& model = as_formulas(model_);
+  if (model.late.empty()) return;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) {
+    const double tolerance = inputs_[i].tolerance;
+    inputs_[i] = tolerance > 0.0 ? controlled_nodes_in(model, at, recordings_[i], tolerance)
+                                 : nodes_in(model, at, recordings_[i], steps_[i]);
+  }
+}
+
 double NonlinearRecordings::controlled_change(const ParameterSet& at, std::size_t i) {
+  take_delays(at);
   const StateSpace written = written_matrices(noise_[i], at);
   const InputNodes controlled =
-      controlled_nodes_in(as_formulas(model_), recordings_[i], kCheckedBy);
+      controlled_nodes_in(as_formulas(model_), at, recordings_[i], kCheckedBy);
   const Likelihood exact = evaluate_one(at, i, controlled, written, {}, nullptr);
   const Likelihood taken = evaluate_one(at, i, inputs_[i], written, {}, nullptr);
   if (exact.status != FilterStatus::ok) return 0.0;
@@ -284,6 +299,7 @@ double NonlinearRecordings::integration_error(const ParameterSet& at) {
 }
 
 bool NonlinearRecordings::refine(const ParameterSet& at) {
+  take_delays(at);
   bool changed = false;
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     if (inputs_[i].tolerance > 0.0) continue;
@@ -291,14 +307,14 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
         integration_from(model_, at, recordings_[i], written_matrices(noise_[i], at));
     bool here = needed.controlled;
     if (here) {
-      inputs_[i] = controlled_nodes_in(as_formulas(model_), recordings_[i]);
+      inputs_[i] = controlled_nodes_in(as_formulas(model_), at, recordings_[i]);
     } else {
       const std::vector<int>& steps = needed.steps.steps;
       for (std::size_t k = 0; k < steps.size(); ++k) {
         here = here || steps[k] > steps_[i][k];
         steps_[i][k] = std::max(steps_[i][k], steps[k]);
       }
-      if (here) inputs_[i] = nodes_in(as_formulas(model_), recordings_[i], steps_[i]);
+      if (here) inputs_[i] = nodes_in(as_formulas(model_), at, recordings_[i], steps_[i]);
     }
     changed = changed || here;
   }
@@ -308,7 +324,7 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     if (inputs_[i].tolerance > 0.0) continue;
     if (!(std::abs(controlled_change(at, i)) > kIntegrationTolerance * size)) continue;
-    inputs_[i] = controlled_nodes_in(as_formulas(model_), recordings_[i]);
+    inputs_[i] = controlled_nodes_in(as_formulas(model_), at, recordings_[i]);
     changed = true;
   }
   return changed;
@@ -330,12 +346,13 @@ Likelihood NonlinearRecordings::evaluate_one(const ParameterSet& at, std::size_t
   if (out.status != FilterStatus::not_finite || !without_noise_ || inputs.tolerance > 0.0) {
     return out;
   }
-  return through(controlled_nodes_in(model, recordings_[recording]));
+  return through(controlled_nodes_in(model, at, recordings_[recording]));
 }
 
 const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,
                                                 MatrixXd* score_products) {
   const FormulaModel& model = as_formulas(model_);
+  take_delays(at);
   StateSpace written;
   std::vector<FilterDirection> by;
   const Index k = with_derivatives ? free_entries(at).size() : 0;
@@ -366,6 +383,7 @@ const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool wit
 FilterStatus NonlinearRecordings::watch(const ParameterSet& at, bool with_derivatives,
                                         std::size_t recording, const FilteredStateWatcher& see) {
   const FormulaModel& model = as_formulas(model_);
+  take_delays(at);
   const StateSpace written = written_matrices(noise_[recording], at);
   const std::vector<FilterDirection> by = with_derivatives
                                               ? directions(model, noise_[recording], at, written)
@@ -400,10 +418,10 @@ NonlinearRealisation simulate_nonlinear_outputs(const Model& model, const Datase
   if (!integration.controlled && steps.status == StepStatus::not_finite) {
     refuse_motion(model, recording, recording.time[steps.sample]);
   }
-  NonlinearRealisation out =
-      simulate_nonlinear_outputs(formulas.equations, formula_parameters(formulas, at), noise,
-                                 formulas.noise.noise, nodes_in(formulas, recording, integration),
-                                 random, formulas.noise_scales ? &*formulas.noise_scales : nullptr);
+  NonlinearRealisation out = simulate_nonlinear_outputs(
+      formulas.equations, formula_parameters(formulas, at), noise, formulas.noise.noise,
+      nodes_in(formulas, at, recording, integration), random,
+      formulas.noise_scales ? &*formulas.noise_scales : nullptr);
   for (Index k = 0; integration.controlled && k < out.x.cols(); ++k) {
     if (!out.x.col(k).allFinite()) refuse_motion(model, recording, recording.time[k]);
   }
@@ -421,7 +439,7 @@ MatrixXd noise_free_outputs(const Model& model, const ParameterSet& given, const
   Random unused(1);
   return simulate_nonlinear_outputs(formulas.equations, formula_parameters(formulas, at), noise,
                                     ProcessNoise::per_sample,
-                                    nodes_in(formulas, recording, integration), unused)
+                                    nodes_in(formulas, at, recording, integration), unused)
       .y;
 }
 

@@ -68,6 +68,8 @@ class NonlinearRecordings {
                           const StateSpace& written, const std::vector<FilterDirection>& by,
                           Eigen::MatrixXd* score_products);
   double controlled_change(const ParameterSet& at, std::size_t recording);
+  // Inputs as they are with these delays, where a model has any.
+  void take_delays(const ParameterSet& at);
 
   const Model& model_;
   const std::vector<Dataset>& recordings_;

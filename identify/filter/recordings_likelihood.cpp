@@ -141,6 +141,7 @@ std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
   if (digests_ != nullptr) {
     auto out = std::make_unique<RecordingsLikelihood>(model_, *digests_);
     out->prior_box_ = prior_box_;
+    out->multipliers_ = multipliers_;
     return out;
   }
   auto out = std::make_unique<RecordingsLikelihood>(model_, recordings_, method_);
@@ -155,6 +156,7 @@ std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
   }
   if (!first_outputs_.empty()) out->condition_on_beginning();
   out->prior_box_ = prior_box_;
+  out->multipliers_ = multipliers_;
   return out;
 }
 
@@ -226,13 +228,80 @@ const Likelihood& RecordingsLikelihood::with_priors(const Likelihood& of_data,
   return posterior_;
 }
 
-const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
-  if (!parts_.empty()) {
-    const Likelihood& all = evaluate_parts(at, with_gradient);
-    if (all.status != FilterStatus::ok) return nullptr;
-    const Likelihood& result = prior_box_ ? with_priors(all, at, with_gradient) : all;
-    return result.status == FilterStatus::ok ? &result : nullptr;
+namespace {
+
+VectorXd values_of(const ParameterSet& parameters) {
+  VectorXd out(static_cast<Eigen::Index>(parameters.size()));
+  for (Eigen::Index i = 0; i < out.size(); ++i) out[i] = parameters[i].value(0, 0);
+  return out;
+}
+
+// By the free entries. @param by_parameters  a column each
+MatrixXd by_entries(const MatrixXd& by_parameters, const ParameterSet& parameters) {
+  const std::vector<EntryDerivative> entries = entry_derivatives(parameters);
+  MatrixXd out = MatrixXd::Zero(by_parameters.rows(), static_cast<Eigen::Index>(entries.size()));
+  for (std::size_t e = 0; e < entries.size(); ++e) {
+    if (parameters[entries[e].parameter].domain != Domain::scalar) continue;
+    out.col(static_cast<Eigen::Index>(e)) = by_parameters.col(entries[e].parameter);
   }
+  return out;
+}
+
+}  // namespace
+
+const Likelihood& RecordingsLikelihood::with_constraints(const Likelihood& of_data,
+                                                         const ParameterSet& at,
+                                                         bool with_gradient) {
+  ConstraintValues values = constraint_values(model_.constraints, values_of(at));
+  values.slopes = by_entries(values.slopes, at);
+  const ConstraintResiduals rows = constraint_residuals(model_.constraints, multipliers_, values);
+  constrained_ = of_data;
+  constrained_.value += rows.constant - 0.5 * rows.r.squaredNorm();
+  if (!std::isfinite(constrained_.value)) constrained_.status = FilterStatus::indefinite;
+  if (!with_gradient) return constrained_;
+  constrained_.gradient -= rows.slopes.transpose() * rows.r;
+  constrained_.information += rows.slopes.transpose() * rows.slopes;
+  return constrained_;
+}
+
+bool RecordingsLikelihood::tighten_constraints(const ParameterSet& at) {
+  if (model_.constraints.empty()) return false;
+  Multipliers held;
+  std::swap(held, multipliers_);
+  const Likelihood* of_data = evaluate(at, true);
+  std::swap(held, multipliers_);
+  if (of_data == nullptr) return false;
+  const VectorXd p = values_of(at);
+  const ConstraintValues values = constraint_values(model_.constraints, p);
+  const MatrixXd slopes = by_entries(values.slopes, at);
+  const VectorXd tolerances = constraint_tolerances(values, p, slopes, of_data->information);
+  const bool first = multipliers_.w.size() == 0;
+  const bool open =
+      !first && update_multipliers(model_.constraints, values.g, tolerances, multipliers_);
+  multipliers_.weigh(slopes, of_data->information);
+  return first || open;
+}
+
+double RecordingsLikelihood::log_density_beside_data(const ParameterSet& at) const {
+  const double out = stated_priors_at(at).value;
+  if (multipliers_.w.size() == 0) return out;
+  const ConstraintResiduals rows = constraint_residuals(
+      model_.constraints, multipliers_, constraint_values(model_.constraints, values_of(at)));
+  return out + rows.constant - 0.5 * rows.r.squaredNorm();
+}
+
+const Likelihood* RecordingsLikelihood::complete(const Likelihood& of_data, const ParameterSet& at,
+                                                 bool with_gradient) {
+  if (of_data.status != FilterStatus::ok) return nullptr;
+  const Likelihood& weighed = prior_box_ ? with_priors(of_data, at, with_gradient) : of_data;
+  if (weighed.status != FilterStatus::ok) return nullptr;
+  if (multipliers_.w.size() == 0) return &weighed;
+  const Likelihood& held = with_constraints(weighed, at, with_gradient);
+  return held.status == FilterStatus::ok ? &held : nullptr;
+}
+
+const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
+  if (!parts_.empty()) return complete(evaluate_parts(at, with_gradient), at, with_gradient);
   if (!set_system(at, with_gradient && is_stationary())) return nullptr;
   const Likelihood& all = changing_ ? changing_->evaluate(at, with_gradient)
                           : nonlinear_
@@ -240,8 +309,7 @@ const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool wi
                               : engine_.evaluate(system_, as_linear(model_).initial,
                                                  with_gradient ? derivatives_ : none_, method_);
   const Likelihood& of_data = first_outputs_.empty() ? all : behind_beginning(all, with_gradient);
-  const Likelihood& result = prior_box_ ? with_priors(of_data, at, with_gradient) : of_data;
-  return result.status == FilterStatus::ok ? &result : nullptr;
+  return complete(of_data, at, with_gradient);
 }
 
 FilterStatus RecordingsLikelihood::watch(const ParameterSet& at, bool with_derivatives,

@@ -63,6 +63,18 @@ class RecordingsLikelihood {
   /// point. @throws InputError as prior_box()
   void weigh_by_priors();
 
+  /// Weighs the model's constraints between parameters by what the data say at these values, and
+  /// from then on the terms that hold them count (lib/model/constraints.h); after a search, sets
+  /// them for the next one.
+  /// @return does one not hold there, so that the search has to go on? False without constraints.
+  bool tighten_constraints(const ParameterSet& at);
+
+  /// Of the constraints; before tighten_constraints() none.
+  const Multipliers& multipliers() const { return multipliers_; }
+
+  /// What priors and constraints have added to the log-likelihood there.
+  double log_density_beside_data(const ParameterSet& at) const;
+
   /// The same function with memory of its own, for another thread.
   std::unique_ptr<RecordingsLikelihood> another() const;
 
@@ -114,6 +126,10 @@ class RecordingsLikelihood {
   const Likelihood& behind_beginning(const Likelihood& all, bool with_gradient);
   const Likelihood& with_priors(const Likelihood& of_data, const ParameterSet& at,
                                 bool with_gradient);
+  const Likelihood& with_constraints(const Likelihood& of_data, const ParameterSet& at,
+                                     bool with_gradient);
+  // What counts beside the data, put in.
+  const Likelihood* complete(const Likelihood& of_data, const ParameterSet& at, bool with_gradient);
 
   const Model& model_;
   EvaluationMethod method_;
@@ -131,7 +147,8 @@ class RecordingsLikelihood {
   LikelihoodEngine beginning_;
   Likelihood conditional_;
   std::optional<Box> prior_box_;  // where priors count
-  Likelihood posterior_;
+  Likelihood posterior_, constrained_;
+  Multipliers multipliers_;
   std::vector<std::unique_ptr<Part>> parts_;  // empty: all recordings go through one model
   Likelihood of_parts_;
   StateSpace system_;

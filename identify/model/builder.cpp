@@ -52,6 +52,11 @@ void add_known(YamlNode& model, const std::string& name, double value) {
              yaml_scalar(number_text(value, "parameter '" + name + "'")), "parameter");
 }
 
+void add_constraint(YamlNode& model, const std::string& condition) {
+  if (find(model, "constraints") == nullptr) append(model, "constraints", yaml_list());
+  value_at(model, "constraints").items.push_back(yaml_scalar(condition));
+}
+
 // A channel of a recording in memory: nothing is read from a file, so its column has its name.
 YamlNode channel(const std::string& name) {
   YamlNode out = yaml_mapping();
@@ -235,6 +240,10 @@ LinearModelBuilder& LinearModelBuilder::initial(const Eigen::VectorXd& mean,
   append(node, "covariance", matrix(covariance));
   return *this;
 }
+LinearModelBuilder& LinearModelBuilder::constraint(const std::string& condition) {
+  add_constraint(model_, condition);
+  return *this;
+}
 LinearModelBuilder& LinearModelBuilder::name(const std::string& text) {
   value_at(model_, "name") = yaml_scalar(text);
   return *this;
@@ -273,6 +282,13 @@ FormulaModelBuilder& FormulaModelBuilder::state(const std::string& name,
 }
 FormulaModelBuilder& FormulaModelBuilder::input(const std::string& name) {
   append_new(value_at(model_, "inputs"), name, channel(name), "input");
+  return *this;
+}
+FormulaModelBuilder& FormulaModelBuilder::late_input(const std::string& name,
+                                                     const std::string& delay) {
+  YamlNode node = channel(name);
+  append(node, "delay", yaml_scalar(delay));
+  append_new(value_at(model_, "inputs"), name, std::move(node), "inputs");
   return *this;
 }
 FormulaModelBuilder& FormulaModelBuilder::output(const std::string& name,
@@ -327,6 +343,10 @@ FormulaModelBuilder& FormulaModelBuilder::inputs_held(InputPath path) {
 }
 FormulaModelBuilder& FormulaModelBuilder::step(double seconds) {
   set_step(model_, seconds);
+  return *this;
+}
+FormulaModelBuilder& FormulaModelBuilder::constraint(const std::string& condition) {
+  add_constraint(model_, condition);
   return *this;
 }
 FormulaModelBuilder& FormulaModelBuilder::name(const std::string& text) {
@@ -393,6 +413,10 @@ VehicleModelBuilder& VehicleModelBuilder::min_speed(double metres_per_second) {
 }
 VehicleModelBuilder& VehicleModelBuilder::max_gap(double seconds) {
   value_at(model_, "max_gap") = yaml_scalar(fmt::format("{} s", number_text(seconds, "max_gap")));
+  return *this;
+}
+VehicleModelBuilder& VehicleModelBuilder::constraint(const std::string& condition) {
+  add_constraint(model_, condition);
   return *this;
 }
 VehicleModelBuilder& VehicleModelBuilder::name(const std::string& text) {

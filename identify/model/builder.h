@@ -112,6 +112,8 @@ class LinearModelBuilder {
   LinearModelBuilder& stationary();  ///< the default; A has to be stable
   /// The first state is distributed with this mean, n, and covariance, n x n.
   LinearModelBuilder& initial(const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance);
+  /// "a + b = 2.6 m", "k1 < k2": what has to hold between parameters, as a model file has it.
+  LinearModelBuilder& constraint(const std::string& condition);
   LinearModelBuilder& name(const std::string& text);
 
   operator Model() const;
@@ -138,6 +140,8 @@ class FormulaModelBuilder {
   /// @param dynamics  its rate of change, or with discrete() its next value
   FormulaModelBuilder& state(const std::string& name, const std::string& dynamics);
   FormulaModelBuilder& input(const std::string& name);
+  /// One that reaches the model late by a parameter, with min and max, or by "0.1 s".
+  FormulaModelBuilder& late_input(const std::string& name, const std::string& delay);
   /// @param equals  a formula; without it the state of that name
   FormulaModelBuilder& output(const std::string& name, const std::string& equals = "");
   /// A name for a formula, that those after it may use.
@@ -153,6 +157,8 @@ class FormulaModelBuilder {
   FormulaModelBuilder& discrete();
   FormulaModelBuilder& inputs_held(InputPath path);  ///< between samples; constant by default
   FormulaModelBuilder& step(double seconds);         ///< sampling period [s]
+  /// "a + b = 2.6 m", "k1 < k2": what has to hold between parameters, as a model file has it.
+  FormulaModelBuilder& constraint(const std::string& condition);
   FormulaModelBuilder& name(const std::string& text);
 
   operator Model() const;
@@ -191,6 +197,8 @@ class VehicleModelBuilder {
   VehicleModelBuilder& min_speed(double metres_per_second);  ///< rows below it are not used
   VehicleModelBuilder& max_gap(
       double seconds);  ///< longer ones begin a new segment; 0.1 without it
+  /// "a + b = 2.6 m", "k1 < k2": what has to hold between parameters, as a model file has it.
+  VehicleModelBuilder& constraint(const std::string& condition);
   VehicleModelBuilder& name(const std::string& text);
 
   operator Model() const;

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/matrix_reader.h"
+#include "lib/base/error.h"
 #include "lib/base/median.h"
 
 namespace identikal {
@@ -350,6 +351,13 @@ Model checked(Model model, const std::vector<Dataset>& recordings) {
   if (changes(model)) noise_model(model).typical = typical_values(recordings);
   check_model(model);
   return model;
+}
+
+void refuse_constraints(const Model& model, const std::string& what) {
+  if (model.constraints.empty()) return;
+  throw InputError({model.source, 0, 0},
+                   fmt::format("{} with the constraint '{}'", what, model.constraints.text[0]),
+                   "no constraints", "'fit', and 'tune --method ml', keep them");
 }
 
 }  // namespace identikal

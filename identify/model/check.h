@@ -2,6 +2,7 @@
 // first.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "identify/model/model.h"
@@ -41,5 +42,9 @@ Model checked(Model model, const std::vector<Dataset>& recordings);
 /// The same for a job that needs no outputs: the model, and times and inputs where there are any.
 /// @param inputs  may be null
 Model checked_with_inputs(Model model, const Dataset* inputs);
+
+/// @param what  has no place for constraints between parameters: "als"
+/// @throws InputError where the model has any
+void refuse_constraints(const Model& model, const std::string& what);
 
 }  // namespace identikal

@@ -12,6 +12,7 @@
 #include "lib/base/error.h"
 #include "lib/data/dataset.h"
 #include "lib/formula/expression.h"
+#include "lib/model/constraints.h"
 #include "lib/model/linear_model.h"
 #include "lib/model/nonlinear_model.h"
 #include "lib/model/parameter.h"
@@ -82,6 +83,9 @@ struct FormulaModel {
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
   std::vector<bool> wraps;    ///< per output: an angle that is measured up to whole turns
+  /// Inputs that are late by a parameter (identify/model/late_inputs.h). Equations have a further
+  /// input for each, behind the model's.
+  std::vector<ModelFormulas::LateInput> late;
   /// Its outputs are what the standard deviations of R are times, formulas of states, inputs,
   /// parameters and time (lib/nonlinear/filter.h). None: 1.
   std::optional<NonlinearModel> noise_scales;
@@ -181,6 +185,7 @@ struct Model {
   std::vector<ChannelSource> flags;
   StateReferences references;
   RecordingTable recordings;
+  Constraints constraints;              ///< between parameters, by their positions
   std::optional<StudentNoise> student;  ///< none: the measurement noise is normal
   std::variant<LinearModel, FormulaModel, VehicleModel, RegressionModel> form;
 };

@@ -12,6 +12,7 @@
 #include "identify/model/components.h"
 #include "identify/model/curves.h"
 #include "identify/model/included_files.h"
+#include "identify/model/internal/constraint_form.h"
 #include "identify/model/internal/formula_form.h"
 #include "identify/model/internal/linear_form.h"
 #include "identify/model/internal/regression_form.h"
@@ -27,9 +28,9 @@
 namespace identikal {
 namespace {
 
-const std::vector<std::string> kCommonKeys = {"identikal",  "name",      "model",   "time",
-                                              "parameters", "inputs",    "outputs", "noise",
-                                              "use_when",   "reference", "include", "recordings"};
+const std::vector<std::string> kCommonKeys = {
+    "identikal", "name",     "model",     "time",    "parameters", "inputs",     "outputs",
+    "noise",     "use_when", "reference", "include", "recordings", "constraints"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "max_gap",
                                                "roll",  "sensors",       "tyre"};
@@ -111,7 +112,7 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     refuse(kLinearKeys, "does not belong to model: regression");
     refuse(kVehicleKeys, "does not belong to model: regression");
     refuse(kFormulaKeys, "does not belong to model: regression");
-    refuse({"parameters", "noise", "use_when", "reference", "recordings"},
+    refuse({"parameters", "noise", "use_when", "reference", "recordings", "constraints"},
            "does not belong to model: regression");
   }
 }
@@ -161,6 +162,10 @@ Model model_of(const YamlNode& written, const std::string& path, FormulaReading 
   } else {
     read_regression(root, out);
   }
+  const YamlNode* states = find(root, "states");
+  const bool with_units =
+      is_vehicle(out) || (states != nullptr && states->kind == YamlNode::Kind::mapping);
+  read_constraints(root, with_units, out);
   return out;
 }
 

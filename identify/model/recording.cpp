@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/check.h"
+#include "identify/model/late_inputs.h"
 #include "identify/model/output_conditions.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
@@ -105,6 +106,16 @@ Samples::Samples(std::span<const double> channel)
 
 namespace {
 
+// The rows in which late inputs are known whatever their delays are.
+Dataset where_inputs_are_known(const Model& model, Dataset recording) {
+  if (!is_formula_model(model) || as_formulas(model).late.empty()) return recording;
+  std::vector<Dataset> parts = with_late_records(model, std::move(recording));
+  if (parts.size() == 1) return std::move(parts.front());
+  throw std::invalid_argument(
+      "a late input is missing within the recording; expected samples "
+      "without gaps, or a recording for every part");
+}
+
 Dataset recording_with_flags(const Model& model, const Samples& y, const SampleTimes& time,
                              const Samples& u, const MatrixXd& flags) {
   Dataset out;
@@ -129,9 +140,10 @@ Dataset recording_with_flags(const Model& model, const Samples& y, const SampleT
     out.dt = median({step.begin(), step.end()});
   }
   if (out.time.size() == out.y.cols()) as_model_file_says(model, flags, out);
-  if (time.times.size() > 0) return on_grid_of(model, std::move(out));
+  if (time.times.size() > 0)
+    return where_inputs_are_known(model, on_grid_of(model, std::move(out)));
   check_recording(model, out);
-  return out;
+  return where_inputs_are_known(model, std::move(out));
 }
 
 }  // namespace

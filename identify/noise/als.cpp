@@ -470,6 +470,7 @@ void reduce_rank(NoiseEstimate& estimate, const Als& als, Fit& fit) {
 namespace {
 
 void check_model_for_als(const Model& model, Index lags) {
+  refuse_constraints(model, "als");
   if (const auto priors = names_with_priors(model.parameters); !priors.empty()) {
     throw InputError({model.source, 0, 0},
                      fmt::format("als has no place for the prior of '{}'", priors[0]), "no prior",

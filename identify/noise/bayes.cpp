@@ -243,6 +243,7 @@ NoiseEstimate stopped_at_start(const Model& model, const PosteriorPoints& points
 
 NoiseEstimate tune_bayes(const Model& given, const std::vector<Dataset>& recordings,
                          const NoiseBayesOptions& options) {
+  refuse_constraints(given, "bayes");
   const Model model = checked(given, recordings);
   check_recordings(model, recordings);
   const PosteriorPoints points = posterior(model, recordings, options);

@@ -330,7 +330,7 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
            check_outliers_and_offset(model, end, recordings, filters, without_outliers));
   }
   Objective& objective = estimate.objective;
-  const double k = static_cast<double>(free_entries(end).size());
+  const double k = static_cast<double>(free_entries(end).size() - model.constraints.equalities());
   objective.samples = static_cast<long>(samples_present(recordings));
   append(estimate.findings, check_length(objective.samples, k, estimate.covariance_freedom));
   report_criteria(objective, k, model, end, recordings);
@@ -350,7 +350,8 @@ void report_digest_estimate(NoiseEstimate& estimate, const Model& model, const P
   static_cast<FilterMatrices&>(estimate) = filter_matrices(model, end);
   Objective& objective = estimate.objective;
   const Likelihood* const there = likelihood.evaluate(end, false);
-  if (there != nullptr) objective.log_likelihood = there->value - stated_priors_at(end).value;
+  if (there != nullptr)
+    objective.log_likelihood = there->value - likelihood.log_density_beside_data(end);
   objective.samples = static_cast<long>(likelihood.samples());
   objective.rows = objective.samples / static_cast<long>(as_linear(model).C.constant.rows());
   estimate.findings.push_back(make_finding(FindingCode::insufficient_power, {},
@@ -359,7 +360,7 @@ void report_digest_estimate(NoiseEstimate& estimate, const Model& model, const P
                                            "'check' a recording with these values"));
   // A diffuse start is not counted, and its first samples are no longer there to be left out.
   if (as_linear(model).initial == InitialState::diffuse) return;
-  const double k = static_cast<double>(free_entries(end).size());
+  const double k = static_cast<double>(free_entries(end).size() - model.constraints.equalities());
   objective.aic = 2.0 * k - 2.0 * objective.log_likelihood;
   objective.bic =
       k * std::log(static_cast<double>(objective.rows)) - 2.0 * objective.log_likelihood;

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/estimate/constraint_findings.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
@@ -32,6 +33,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr int kRefinements = 4;  // of the integration, each with a search of its own
+constexpr int kMostTightenings = 20;
 
 // Parameters at their bounds. @param estimate  with the limits of limit_variances_at_zero()
 Findings check_bounds(const Estimate& estimate, const LikelihoodProblem& problem,
@@ -162,6 +164,23 @@ bool nothing_but_unexcited(const Estimate& estimate) {
       [](const EstimatedParameter& p) { return p.verdict == Verdict::not_identifiable; });
 }
 
+// Goes on from the best with other multipliers until the constraints hold.
+void keep_constraints(SeveralStarts& found, RecordingsLikelihood& likelihood,
+                      const FactorCoordinates& factors, const NoiseMlOptions& options) {
+  const ParameterSet& parameters = likelihood.model().parameters;
+  const auto holds = [&] {
+    return !likelihood.tighten_constraints(with_coordinates(parameters, factors.to(found.best.x)));
+  };
+  for (int i = 0; found.best.summary.usable() && !holds(); ++i) {
+    if (i == kMostTightenings) {
+      found.best.summary.termination = Termination::no_progress;
+      found.best.summary.message = "the constraints do not hold where the search has ended";
+      return;
+    }
+    search_again(found, likelihood, factors, options);
+  }
+}
+
 // Searches, and reports all that likelihood and search say: parameters with their errors, profiles,
 // bounds, the search itself.
 Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
@@ -170,6 +189,8 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const ParameterSet& parameters = model.parameters;
   const LikelihoodProblem problem = likelihood.problem();
   const FactorCoordinates factors(parameters, named_covariances(model));
+  likelihood.tighten_constraints(parameters);
+  const double beside_start = likelihood.log_density_beside_data(parameters);
   const auto search = [&] { return search_from_starts(likelihood, parameters, factors, options); };
   SeveralStarts found = search();
   // The integration was as fine as the start needs it; all starts are compared on the same.
@@ -182,12 +203,13 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
       found = search();
     }
   }
+  keep_constraints(found, likelihood, factors, options);
   const VectorXd best = factors.to(found.best.x);
   ParameterSet end = with_coordinates(parameters, best);
   list_parameters(estimate, parameters, end);
   Objective& objective = estimate.objective;
-  objective.log_likelihood_start = found.start_value - stated_priors_at(parameters).value +
-                                   likelihood.log_likelihood_of_beginning(parameters);
+  objective.log_likelihood_start =
+      found.start_value - beside_start + likelihood.log_likelihood_of_beginning(parameters);
   objective.iterations = found.iterations;
   objective.evaluations = found.evaluations;
   objective.starts = static_cast<int>(found.ends.size());
@@ -202,6 +224,8 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const JudgedMaximum judged = judge_maximum(estimate, likelihood, problem, end, best,
                                              found.on_circle, coloured ? &score : nullptr, freedom);
   report_priors(estimate, end);
+  append(estimate.findings,
+         check_constraints(model.constraints, likelihood.multipliers(), end, !coloured));
   report_evaluation(likelihood.evaluation_taken(), objective);
   append(estimate.findings,
          check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));

@@ -369,6 +369,7 @@ Findings check_band(const NoiseEstimate& estimate) {
 
 NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>& recordings,
                                  const ReferenceTuningOptions& options) {
+  refuse_constraints(given, "--for estimates");
   const Model model = checked(given, recordings);
   refuse_without_references(model, recordings);
   if (const auto priors = names_with_priors(model.parameters); !priors.empty()) {

@@ -265,6 +265,7 @@ void report_student(NoiseEstimate& estimate, const Model& model, const StudentEn
 
 NoiseEstimate tune_student(const Model& given, const std::vector<Dataset>& recordings,
                            const NoiseMlOptions& options) {
+  refuse_constraints(given, "Student's t");
   if (!given.student) return tune_ml(given, recordings, options);
   const Model model = with_most_freedom(checked(given, recordings));
   check_recordings(model, recordings);

@@ -137,6 +137,7 @@ Findings check_size(const TrackedNoise& estimate, bool adaptive) {
 }  // namespace
 
 TrackedNoise track(const Model& given, const Dataset& whole, const NoiseTrackOptions& options) {
+  refuse_constraints(given, "track");
   const Model model = checked(given, {whole});
   check_recordings(model, {whole});
   const NoiseTrack course = track_noise(model, whole, options);

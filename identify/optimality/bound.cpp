@@ -297,6 +297,7 @@ VectorXd free_units(const CramerRaoBound& estimate) {
 }  // namespace
 
 CramerRaoBound bound_of(const Model& given, const BoundOptions& options, const Dataset* inputs) {
+  refuse_constraints(given, "bound");
   if (options.samples < 1) {
     throw std::invalid_argument(fmt::format("samples is {}; expected 1 or more", options.samples));
   }

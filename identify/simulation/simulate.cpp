@@ -268,7 +268,9 @@ MatrixXd simulated_outputs(const Model& model, const Dataset& recording, Random&
   const FormulaModel& formulas = as_formulas(model);
   // A dose belongs to a row of the recording, and would be given again in each piece.
   const bool doses = formulas.equations.doses.values > 0;
-  const int pieces = formulas.equations.continuous && !doses ? 10 : 1;
+  // A late input is read where rows are, as in fits.
+  const bool by_rows = doses || !formulas.late.empty();
+  const int pieces = formulas.equations.continuous && !by_rows ? 10 : 1;
   const Dataset fine = refined(recording, formulas.inputs, pieces);
   NonlinearRealisation found;
   try {

@@ -122,15 +122,18 @@ Eigen::MatrixXd project_out_nuisance(const VehicleProblem& problem, WeightedRows
   return out;
 }
 
-/// Every free parameter adds one more row: the information of its prior.
-void add_priors(const VehicleProblem& problem, const Eigen::VectorXd& z,
+/// Every free parameter adds one more row, the information of its prior, and so does every constraint.
+void add_priors(const VehicleProblem& problem, const VehicleOptimum& optimum,
                 const std::vector<Eigen::Index>& inner, Eigen::MatrixXd& X) {
   const Eigen::Index m = X.rows(), k = problem.parameters();
-  X.conservativeResize(m + k, X.cols());
-  X.bottomRows(k).setZero();
+  const Eigen::MatrixXd constraints =
+      constraint_rows(problem, optimum.multipliers, optimum.z).slopes;
+  X.conservativeResize(m + k + constraints.rows(), X.cols());
+  X.bottomRows(k + constraints.rows()).setZero();
   for (std::size_t i = 0; i < inner.size(); ++i) {
-    X(m + inner[i], i) = prior_residual(problem, z, inner[i]).slope;
+    X(m + inner[i], i) = prior_residual(problem, optimum.z, inner[i]).slope;
   }
+  X.bottomRows(constraints.rows()) = constraints(Eigen::all, inner);
 }
 
 /// Directions of the coordinates, by the eigenvectors of the information scaled to unit diagonal.
@@ -204,7 +207,7 @@ void bound_scores(WeightedRows& rows) {
 void sandwich(const VehicleProblem& problem, const WeightedRows& rows,
               const Eigen::MatrixXd& inverse, const Eigen::VectorXd& scale,
               VehicleCovariance& out) {
-  const Eigen::Index m = rows.e.size(), k = problem.parameters();
+  const Eigen::Index m = rows.e.size(), known = rows.X.rows() - m;
   Eigen::MatrixXd scores = summed_by_row(problem, rows.X.topRows(m) * inverse, rows.e);
   // At the optimum the scores of the data balance those of the priors: without their mean they
   // scatter about zero.
@@ -214,7 +217,7 @@ void sandwich(const VehicleProblem& problem, const WeightedRows& rows,
                                      : long_run_covariance(scores, out.bandwidth);
   const double correction = static_cast<double>(m) / out.freedom;
   // The error of a prior is independent of those of the data.
-  const Eigen::MatrixXd priors = rows.X.bottomRows(k).transpose() * rows.X.bottomRows(k);
+  const Eigen::MatrixXd priors = rows.X.bottomRows(known).transpose() * rows.X.bottomRows(known);
   out.covariance =
       scale.asDiagonal() * (correction * spread + inverse * priors * inverse) * scale.asDiagonal();
   if (out.coloured) {
@@ -245,14 +248,15 @@ VehicleCovariance covariance_holding(const VehicleProblem& problem, const Vehicl
   }
   WeightedRows rows = weigh(problem, optimum, out.inner);
   const Eigen::MatrixXd nuisance = project_out_nuisance(problem, rows);
-  add_priors(problem, optimum.z, out.inner, rows.X);
+  add_priors(problem, optimum, out.inner, rows.X);
+  const Eigen::Index known = rows.X.rows() - m;  // rows that are no sample's
   const Directions directions = directions_of(rows.X);
   out.sd = unbiased_sd(problem, optimum.sd, nuisance, rows.X * directions.determined);
   reweigh(problem, optimum.sd, out.sd, rows);
   out.residuals = rows.e;
   const Eigen::MatrixXd bound = directions.inverse_of(
       noise_information(problem.robust) * (rows.X.topRows(m).transpose() * rows.X.topRows(m)) +
-      rows.X.bottomRows(k).transpose() * rows.X.bottomRows(k));
+      rows.X.bottomRows(known).transpose() * rows.X.bottomRows(known));
   if (problem.robust) bound_scores(rows);
 
   const Eigen::VectorXd scale = problem.unknowns.scale(out.inner);  // to SI

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/estimate/constraint_findings.h"
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/effective_inertia.h"
 #include "identify/estimate/parameter_table.h"
@@ -217,7 +218,8 @@ void report_objective(const VehicleSearch& found, Eigen::Index flat, VehicleEsti
     objective.log_likelihood_start = log_likelihood(
         problem, coordinates_of(problem, problem.unknowns.value), e, noise_sd(problem, e));
   }
-  auto estimated = static_cast<double>(problem.coordinates() - flat);
+  const Eigen::Index equalities = problem.unknowns.constraints.equalities();
+  auto estimated = static_cast<double>(problem.coordinates() - flat - equalities);
   for (const VehicleRun::Output& output : problem.run->outputs) {
     if (std::isnan(output.given_sd)) estimated += 1.0;
   }
@@ -506,6 +508,8 @@ void report_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns, VehicleE
   report_values(found.problem.unknowns, p, estimate);
   report_bounds(found.problem.unknowns, p, covariance, estimate);
   append(estimate.findings, check_bounds(found.problem.unknowns, p, covariance, estimate));
+  append(estimate.findings, check_constraints(unknowns.constraints, found.best.multipliers,
+                                              fit.model.parameters, false));
   report_errors(found.problem.unknowns, p, covariance, estimate);
   estimate.covariance_kind =
       fit.options.method == Method::trajectory
@@ -633,6 +637,10 @@ VehicleEstimate fit_vehicle(const Model& given, const std::vector<Dataset>& reco
     throw std::invalid_argument(
         fmt::format("{} starts; expected at least 1", options.search.starts));
   }
+  if (options.method == VehicleFitOptions::Method::trajectory) {
+    refuse_constraints(given, "--method trajectory");
+  }
+  if (options.bootstrap > 0) refuse_constraints(given, "--bootstrap");
   const Model model = checked(given, recordings);
   if (options.search.robust && options.method == VehicleFitOptions::Method::prediction_error) {
     throw InputError({}, "--robust with --method prediction-error",

@@ -416,20 +416,130 @@ PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorX
   return {};
 }
 
+namespace {
+
+// The user's values there, and their slopes by the coordinates of the free ones.
+ConstraintValues constraints_at(const VehicleProblem& problem, const Eigen::VectorXd& z,
+                                Eigen::VectorXd& p) {
+  const VehicleUnknowns& unknowns = problem.unknowns;
+  const Eigen::Index k = problem.parameters();
+  p = unknowns.stated;
+  Eigen::VectorXd slope = Eigen::VectorXd::Zero(k);
+  for (Eigen::Index i = 0; i < k; ++i) {
+    const UserValue user = in_user_terms(unknowns.free[i], z[i] * unknowns.scale[i]);
+    if (!unknowns.is_stated[i]) continue;
+    p[static_cast<Eigen::Index>(unknowns.position[i])] = user.value;
+    slope[i] = user.slope * unknowns.scale[i];
+  }
+  ConstraintValues out = constraint_values(unknowns.constraints, p);
+  const Eigen::MatrixXd by_parameters = std::move(out.slopes);
+  out.slopes = Eigen::MatrixXd::Zero(out.g.size(), k);
+  for (Eigen::Index i = 0; i < k; ++i) {
+    if (!unknowns.is_stated[i]) continue;
+    out.slopes.col(i) =
+        slope[i] * by_parameters.col(static_cast<Eigen::Index>(unknowns.position[i]));
+  }
+  return out;
+}
+
+// The likelihood in the parameters and gains, with initial states and noise at their best for them.
+class ProfiledLikelihood {
+ public:
+  ProfiledLikelihood(const VehicleProblem& problem, const Eigen::VectorXd& start)
+      : problem_(problem), profile_(problem, start) {}
+
+  // Of the data and the priors; information is kept.
+  bool of_data(const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient) {
+    // The noise is at its most likely size for every z, so that its derivative does not matter.
+    return profile_.evaluate(z, L, gradient != nullptr ? *gradient : unused_, information_);
+  }
+  bool evaluate(const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient,
+                Eigen::MatrixXd* information) {
+    if (!of_data(z, L, gradient)) return false;
+    if (information != nullptr) *information = information_;
+    if (multipliers.w.size() == 0) return true;
+    const ConstraintResiduals rows = constraint_rows(problem_, multipliers, z);
+    const Eigen::Index k = problem_.parameters();
+    L += rows.constant - 0.5 * rows.r.squaredNorm();
+    if (gradient != nullptr) gradient->head(k) -= rows.slopes.transpose() * rows.r;
+    if (information != nullptr) {
+      information->topLeftCorner(k, k) += rows.slopes.transpose() * rows.slopes;
+    }
+    return true;
+  }
+  // Weighs the constraints by what the data say at z. @return does one not hold there?
+  bool tighten(const Eigen::VectorXd& z) {
+    double L = 0.0;
+    if (!of_data(z, L, nullptr)) return false;
+    Eigen::VectorXd p;
+    const ConstraintValues values = constraints_at(problem_, z, p);
+    const Eigen::Index k = problem_.parameters();
+    const Eigen::MatrixXd information = information_.topLeftCorner(k, k);
+    const Eigen::VectorXd tolerances = constraint_tolerances(values, p, values.slopes, information);
+    const bool first = multipliers.w.size() == 0;
+    const bool open = !first && update_multipliers(problem_.unknowns.constraints, values.g,
+                                                   tolerances, multipliers);
+    multipliers.weigh(values.slopes, information);
+    return first || open;
+  }
+  const ProfiledStates& profile() const { return profile_; }
+
+  Multipliers multipliers;
+
+ private:
+  const VehicleProblem& problem_;
+  ProfiledStates profile_;
+  Eigen::VectorXd unused_;
+  Eigen::MatrixXd information_;
+};
+
+constexpr int kMostTightenings = 20;
+
+Solution add_counts(Solution to, const Solution& before) {
+  to.summary.iterations += before.summary.iterations;
+  to.summary.evaluations += before.summary.evaluations;
+  return to;
+}
+
+// Searches, and where constraints ask for it again with other multipliers.
+Solution search_constrained(ProfiledLikelihood& likelihood, const LikelihoodProblem& problem,
+                            const Eigen::VectorXd& start, const SolverOptions& options,
+                            const Constraints& constraints) {
+  if (constraints.empty()) return maximise(problem, start, options);
+  likelihood.tighten(start);
+  Solution out = maximise(problem, start, options);
+  for (int i = 0; out.summary.termination == Termination::converged; ++i) {
+    if (!likelihood.tighten(out.x)) return out;
+    if (i == kMostTightenings) {
+      out.summary.termination = Termination::no_progress;
+      out.summary.message = "the constraints do not hold where the search has ended";
+      break;
+    }
+    out = add_counts(maximise(problem, out.x, options), out);
+  }
+  return out;
+}
+
+}  // namespace
+
+ConstraintResiduals constraint_rows(const VehicleProblem& problem, const Multipliers& multipliers,
+                                    const Eigen::VectorXd& z) {
+  if (multipliers.w.size() == 0) return {{}, Eigen::MatrixXd(0, problem.parameters()), 0.0};
+  Eigen::VectorXd p;
+  return constraint_residuals(problem.unknowns.constraints, multipliers,
+                              constraints_at(problem, z, p));
+}
+
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,
                                    const SolverOptions& options) {
   const Eigen::Index shared = problem.parameters() + problem.gains();
-  ProfiledStates profile(problem, start);
+  ProfiledLikelihood profiled(problem, start);
   LikelihoodProblem likelihood;
   likelihood.lower = problem.lower.head(shared);
   likelihood.upper = problem.upper.head(shared);
-  // The noise is at its most likely size for every z, so that its derivative does not matter.
-  Eigen::VectorXd unused_gradient;
-  Eigen::MatrixXd unused_information;
   likelihood.evaluate = [&](const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient,
                             Eigen::MatrixXd* information) {
-    return profile.evaluate(z, L, gradient != nullptr ? *gradient : unused_gradient,
-                            information != nullptr ? *information : unused_information);
+    return profiled.evaluate(z, L, gradient, information);
   };
   VehicleOptimum out;
   SolverOptions watched = options;
@@ -437,7 +547,8 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
     out.path.push_back(L);
     return !options.progress || options.progress(iteration, L);
   };
-  const Solution solution = maximise(likelihood, start.head(shared), watched);
+  const Solution solution = search_constrained(profiled, likelihood, start.head(shared), watched,
+                                               problem.unknowns.constraints);
   out.z = start;
   out.iterations = solution.summary.iterations;
   out.evaluations = solution.summary.evaluations;
@@ -450,9 +561,10 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
   Eigen::VectorXd e;
   output_error(problem, start, e, nullptr);
   out.path.insert(out.path.begin(), log_likelihood(problem, start, e, noise_sd(problem, e)));
-  profile.evaluate(solution.x, out.log_likelihood, unused_gradient, unused_information);
-  out.z = profile.coordinates();
-  out.sd = noise_sd(problem, profile.errors());
+  profiled.of_data(solution.x, out.log_likelihood, nullptr);
+  out.z = profiled.profile().coordinates();
+  out.sd = noise_sd(problem, profiled.profile().errors());
+  out.multipliers = profiled.multipliers;
   return out;
 }
 

@@ -152,6 +152,11 @@ struct PriorResidual {
 PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorXd& z,
                              Eigen::Index parameter);
 
+/// Constraints between parameters at z as residuals (lib/model/constraints.h), with slopes by the
+/// coordinates of the parameters; no rows without constraints or multipliers.
+ConstraintResiduals constraint_rows(const VehicleProblem& problem, const Multipliers& multipliers,
+                                    const Eigen::VectorXd& z);
+
 /// A maximum of the likelihood over parameters, initial states and noise.
 struct VehicleOptimum {
   Eigen::VectorXd z;
@@ -162,6 +167,7 @@ struct VehicleOptimum {
   int iterations = 0;
   int evaluations = 0;
   std::vector<double> path;  ///< log-likelihood at the start and after every iteration
+  Multipliers multipliers;   ///< of the constraints, if any
 };
 
 /// The maximum of the likelihood with every output's noise at its most likely size (unless given):

@@ -236,6 +236,10 @@ class Attenuation {
       plain.gradient[i] += prior.slope * prior.value;
       plain.information(i, i) += prior.slope * prior.slope;
     }
+    const ConstraintResiduals held = constraint_rows(problem_, optimum_.multipliers, z);
+    const Index k = problem_.parameters();
+    plain.gradient.head(k) += held.slopes.transpose() * held.r;
+    plain.information.topLeftCorner(k, k) += held.slopes.transpose() * held.slopes;
     return true;
   }
 

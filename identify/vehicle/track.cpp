@@ -258,6 +258,7 @@ Findings check_end(const TrackedCoefficients& estimate) {
 }  // namespace
 
 TrackedCoefficients track_vehicle(const Model& given, const Dataset& recording) {
+  refuse_constraints(given, "track");
   const Model model = checked(given, {recording});
   const VehicleUnknowns unknowns = vehicle_unknowns(model);
   const VehicleRun run = usable_run(model, {recording});

@@ -169,6 +169,7 @@ void set_free_as_given(const Model& model, std::size_t position, VehicleUnknowns
   const VehicleParameter parameter = *vehicle_parameter(given.name);
   set_free(out, parameter);
   out.position.back() = position;
+  out.is_stated.back() = true;
   out.prior.back() = given.prior;
   const auto [low, high] = allowed_range(model, given);
   const Eigen::Index k = out.scale.size() - 1;
@@ -278,6 +279,7 @@ void set_free(VehicleUnknowns& unknowns, VehicleParameter parameter) {
   const auto k = static_cast<Eigen::Index>(unknowns.free.size());
   unknowns.free.push_back(parameter);
   unknowns.position.push_back(0);
+  unknowns.is_stated.push_back(false);
   unknowns.prior.emplace_back();
   for (const auto& [vector, value] :
        {std::pair{&unknowns.lower, lower}, {&unknowns.upper, upper}, {&unknowns.scale, scale}}) {
@@ -311,6 +313,9 @@ VehicleUnknowns vehicle_unknowns(const Model& model) {
   if (!searches_relaxation) require_steps(model, out.value);
   // Typical sizes need the values of all.
   for (const std::size_t i : unknown) set_free_as_given(model, i, out);
+  out.constraints = model.constraints;
+  out.stated.resize(static_cast<Eigen::Index>(model.parameters.size()));
+  for (Eigen::Index i = 0; i < out.stated.size(); ++i) out.stated[i] = model.parameters[i].scalar();
   return out;
 }
 

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 
 #include "identify/model/model_file.h"
+#include "lib/model/constraints.h"
 #include "lib/model/parameter.h"
 #include "lib/vehicle/motion.h"
 
@@ -16,10 +17,13 @@ struct VehicleUnknowns {
   VehicleParameters<double> value;     ///< fixed values; of free ones the file's start
   std::vector<VehicleParameter> free;  ///< in the order of the model file
   std::vector<std::size_t> position;   ///< of each free one in the ParameterSet
+  std::vector<bool> is_stated;         ///< whether that one is free in the model file
   std::vector<Prior> prior;            ///< of each free one, in the user's terms, SI
   Eigen::VectorXd lower, upper;        ///< bounds of the free ones
   Eigen::VectorXd scale;               ///< typical size of the free ones, for the optimiser
   TyreCurve curve = TyreCurve::linear;
+  Constraints constraints;  ///< between parameters of the model file
+  Eigen::VectorXd stated;   ///< values of those, in the user's terms, SI; of free ones the starts
 
   /// Position of the parameter among the free ones, or -1.
   Eigen::Index find(VehicleParameter parameter) const;

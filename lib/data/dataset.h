@@ -28,6 +28,14 @@ struct OwnParameter {
   int source = 0;     ///< the one whose value it takes
 };
 
+/// An input that a model takes as late by an unknown time: what was recorded of it, with the samples
+/// before and behind those that are used.
+struct LateRecord {
+  int input = 0;           ///< 0-based
+  Eigen::VectorXd time;    ///< M [s], rising
+  Eigen::VectorXd values;  ///< M, SI
+};
+
 struct Dataset {
   std::string name;                  ///< of the file, without its folder
   double dt = 0.0;                   ///< sampling period [s]: the step given, else the median step
@@ -45,6 +53,7 @@ struct Dataset {
   Eigen::MatrixXd start_covariance;
   /// Parameters whose values here are those of others (identify/model/own_parameters.h).
   std::vector<OwnParameter> own;
+  std::vector<LateRecord> late;  ///< none: what u holds
   std::vector<Channel> inputs;   ///< nu
   std::vector<Channel> outputs;  ///< ny
   /// nr x N, SI, NaN = missing: what another instrument measured, for comparison alone. Where there

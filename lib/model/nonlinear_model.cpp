@@ -388,6 +388,13 @@ FormulaNodes insert_formulas(const ModelFormulas& formulas) {
       formulas.continuous};
   std::vector<Id> symbols;
   for (int i = 0; i <= time; ++i) symbols.push_back(out.graph.symbol(i));
+  for (const ModelFormulas::LateInput& late : formulas.late) {
+    const auto at = static_cast<std::size_t>(formulas.states + late.input);
+    const std::vector<Id> parts{symbols[at], out.graph.symbol(formulas.states + late.slope),
+                                out.graph.symbol(first + late.parameter)};
+    const std::vector<std::string> names{"u", "slope", "tau"};
+    symbols[at] = out.graph.insert(parse_expression("u - slope*tau", names), parts);
+  }
   for (const Expression& definition : formulas.definitions) {
     symbols.push_back(out.graph.insert(definition, symbols));
   }

@@ -23,6 +23,18 @@ struct ModelFormulas {
   /// nothing.
   std::vector<Expression> doses;
   bool continuous = true;
+  /// An input that is late by a parameter tau: the formulas' symbol of it stands for
+  ///
+  ///   u - u' tau,
+  ///
+  /// where at tau, u is to be U(t - tau) + U'(t - tau) tau of the input U(t) and the further input u'
+  /// is U'(t - tau): then value and first derivatives by tau are those of U(t - tau), and so are
+  /// the second ones that a filter needs.
+  struct LateInput {
+    int input = 0, slope = 0;  ///< of the inputs, 0-based
+    int parameter = 0;         ///< 0-based
+  };
+  std::vector<LateInput> late;
 };
 
 /// How often f and h are derived. A filter's covariance needs the first derivatives; the exact

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/internal/condition_form.h"
+#include "identify/model/internal/late_form.h"
 #include "identify/model/internal/noise_form.h"
 #include "identify/model/internal/recordings_form.h"
 #include "identify/model/internal/reference_form.h"
@@ -117,7 +118,7 @@ class FormulaReader {
     }
     symbols_.add_known("t", dimension_of(Unit{1.0, 0.0, {0, 0, 1, 0, 0}}), {});
     formulas_.states = static_cast<int>(out_.states.size());
-    formulas_.inputs = static_cast<int>(out_.inputs.size());
+    formulas_.inputs = static_cast<int>(out_.inputs.size() + formulas_.late.size());
     formulas_.parameters = static_cast<int>(parameters_.names.size());
     let_move(parameters_, out_.inputs);
     out_.recordings = read_recordings(root_, parameters_);
@@ -126,6 +127,7 @@ class FormulaReader {
     read_dynamics();
     read_doses();
     read_rest();
+    if (!formulas_.late.empty()) refuse_beside_late_inputs(root_, general_.inputs, at_rest_);
     const PhysicalNames physical{state_names(), read_outputs(), input_dimensions(),
                                  symbols_.with_units};
     read_spreads(physical.outputs);
@@ -153,10 +155,20 @@ class FormulaReader {
   void read_inputs() {
     const YamlNode* inputs = find(root_, "inputs");
     if (inputs == nullptr) return;
-    out_.inputs = read_channels(*inputs, "inputs", {});
+    YamlNode written = *inputs;
+    for (std::size_t i = 0; i < written.items.size(); ++i) {
+      const std::optional<int> delay = take_unknown_delay(written.items[i], parameters_);
+      if (delay) formulas_.late.push_back({static_cast<int>(i), 0, *delay});
+    }
+    out_.inputs = read_channels(written, "inputs", {});
     const std::vector<const YamlNode*> names = channel_names(*inputs);
     for (std::size_t i = 0; i < names.size(); ++i) {
       symbols_.add(*names[i], "an input", out_.inputs[i].unit);
+    }
+    // Slopes of late inputs, which no formula can name.
+    for (ModelFormulas::LateInput& late : formulas_.late) {
+      late.slope = static_cast<int>(symbols_.names.size()) - static_cast<int>(out_.states.size());
+      symbols_.add_known("", Dimension{}, {});
     }
   }
 
@@ -496,7 +508,7 @@ class FormulaReader {
     const bool scaled = std::any_of(spreads_.begin(), spreads_.end(),
                                     [](const NoiseSpread& each) { return each.of_state; });
     const bool may_be_linear = reading_ == FormulaReading::linear && !wraps && !scaled &&
-                               !at_rest_ && formulas_.doses.empty();
+                               !at_rest_ && formulas_.doses.empty() && formulas_.late.empty();
     if (may_be_linear && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
       const bool held = general_.inputs == InputPath::constant;
       std::optional<LinearModel> linear = in_formula(*find(root_, "dynamics"), [&] {
@@ -549,6 +561,7 @@ class FormulaReader {
       general_.noise_scales =
           scales_of(spreads_, out_.outputs.size(), formulas_, known_parameters());
     }
+    general_.late = formulas_.late;
     general_.noise = std::move(matrices);
     // What is read into a nonlinear model's matrices is used as it is, not sampled.
     general_.noise.continuous = false;

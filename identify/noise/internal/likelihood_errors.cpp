@@ -115,7 +115,8 @@ std::optional<std::set<Index>> sizes_of_noise(const Model& model,
 double residual_freedom(const Model& model, const std::vector<Dataset>& recordings, Index samples) {
   const auto sizes = sizes_of_noise(model, recordings);
   if (!sizes || sizes->empty()) return kNone;
-  const auto others = free_entries(model.parameters).size() - static_cast<Index>(sizes->size());
+  const auto others = free_entries(model.parameters).size() - static_cast<Index>(sizes->size()) -
+                      model.constraints.equalities();
   const auto out = static_cast<double>(samples - others);
   return out >= 1.0 ? out : kNone;
 }

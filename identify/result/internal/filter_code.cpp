@@ -443,6 +443,7 @@ std::string why_no_filter_code(const Model& model, const std::string& method) {
   if (formulas.equations.continuous && formulas.inputs == InputPath::pchip) {
     return "its inputs are smooth between samples (inputs: pchip), which needs later ones";
   }
+  if (!formulas.late.empty()) return "its inputs are late by a time that was estimated";
   if (!model.conditions.empty()) return "its outputs count under conditions ('when')";
   return "";
 }

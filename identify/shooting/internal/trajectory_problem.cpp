@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "identify/model/late_inputs.h"
 #include "identify/model/starting_state.h"
 #include "lib/base/nearest_turn.h"
 #include "lib/nonlinear/filter.h"
@@ -20,9 +21,9 @@ constexpr int kJumpDoublings = 3;
 constexpr double kJump = 1e-2;        // of a state's scale
 constexpr double kControlled = 1e-5;  // tolerance of implicit steps
 
-InputNodes nodes_with(const FormulaModel& model, const Dataset& recording,
+InputNodes nodes_with(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
                       const std::vector<int>& steps) {
-  return input_nodes(recording.time, recording.u, model.inputs, steps);
+  return input_nodes(recording.time, inputs_at(model, at, recording), model.inputs, steps);
 }
 
 std::vector<int> same_steps(const Dataset& recording, int steps) {
@@ -56,7 +57,7 @@ TrajectoryProblem::TrajectoryProblem(const Model& model, const std::vector<Datas
   for (const Dataset& recording : recordings) {
     first_.push_back(samples_);
     samples_ += recording.size();
-    nodes_.push_back(nodes_with(as_formulas(model), recording, same_steps(recording, 1)));
+    nodes_.push_back(nodes_with(as_formulas(model), at_, recording, same_steps(recording, 1)));
   }
   output_sd = VectorXd::Ones(equations().outputs);
   step_sd = VectorXd::Ones(equations().states);
@@ -77,9 +78,22 @@ ParameterSet TrajectoryProblem::with_values(const ParameterSet& parameters,
   return with_coordinates(parameters, all);
 }
 
+void TrajectoryProblem::take_delays() {
+  const FormulaModel& model = as_formulas(model_);
+  if (model.late.empty()) return;
+  for (std::size_t r = 0; r < recordings_.size(); ++r) {
+    const Dataset& data = recordings_[r];
+    const double tolerance = nodes_[r].tolerance;
+    nodes_[r] = tolerance > 0.0 ? controlled_nodes(data.time, inputs_at(model, at_, data),
+                                                   model.inputs, tolerance)
+                                : nodes_with(model, at_, data, nodes_[r].steps);
+  }
+}
+
 void TrajectoryProblem::set_parameters_to(const VectorXd& p) {
   at_ = with_values(at_, p);
   set_parameters(equations(), memory_, formula_parameters(as_formulas(model_), at_));
+  take_delays();
   const auto np = static_cast<Index>(unknowns_.size());
   x0_.resize(equations().states, recordings());
   x0_by_unknowns_.assign(start_.size(), MatrixXd(equations().states, np));
@@ -109,7 +123,7 @@ std::vector<int> TrajectoryProblem::explicit_steps(std::size_t recording, const 
   MatrixXd ends(states.rows(), data.size() - 1);
   VectorXd before(states.rows());
   for (int doubling = 0; doubling <= kMostDoublings; ++doubling) {
-    const InputNodes nodes = nodes_with(model, data, same_steps(data, 1 << doubling));
+    const InputNodes nodes = nodes_with(model, at_, data, same_steps(data, 1 << doubling));
     bool all = true;
     for (std::size_t k = 0; k < intervals; ++k) {
       if (steps[k] > 0) continue;
@@ -142,8 +156,10 @@ void TrajectoryProblem::choose_steps(const VectorXd& p, const MatrixXd& states,
     const std::vector<int> steps = explicit_steps(r, states, scale, tolerance);
     const Dataset& data = recordings_[r];
     const InputPath path = as_formulas(model_).inputs;
-    nodes_[r] = steps.empty() ? controlled_nodes(data.time, data.u, path, kControlled)
-                              : nodes_with(as_formulas(model_), data, steps);
+    nodes_[r] = steps.empty()
+                    ? controlled_nodes(data.time, inputs_at(as_formulas(model_), at_, data), path,
+                                       kControlled)
+                    : nodes_with(as_formulas(model_), at_, data, steps);
   }
 }
 

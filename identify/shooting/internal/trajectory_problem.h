@@ -72,6 +72,8 @@ class TrajectoryProblem {
   std::vector<int> explicit_steps(std::size_t recording, const Eigen::MatrixXd& states,
                                   const Eigen::VectorXd& scale, double tolerance);
   void set_parameters_to(const Eigen::VectorXd& p);
+  // Inputs as they are with these delays, where a model has any.
+  void take_delays();
   bool write_links(const Eigen::MatrixXd& states, const Eigen::VectorXd& p, bool with_derivatives,
                    std::vector<ChainLink>& links);
   bool write_simulation(const Eigen::VectorXd& p, bool with_derivatives,

@@ -29,7 +29,9 @@ constexpr double kWeighedAgain =
 class StructureSearch {
  public:
   StructureSearch(const VehicleProblem& problem, const VehicleOptimum& optimum)
-      : problem_(problem), simulation_(problem, problem.unknowns.value[kSteeringDelay]) {
+      : problem_(problem),
+        multipliers_(optimum.multipliers),
+        simulation_(problem, problem.unknowns.value[kSteeringDelay]) {
     at_.p = parameters_at(problem, optimum.z);
     at_.states = optimum.z.tail(2 * static_cast<Eigen::Index>(problem.run->segments.size()));
     unknowns_ = study_unknowns(problem, at_.p);
@@ -100,6 +102,7 @@ class StructureSearch {
     for (Eigen::Index i = 0; i < problem_.parameters(); ++i) {
       sum += std::pow(prior_residual(problem_, z, i).value, 2);
     }
+    sum += constraint_rows(problem_, multipliers_, z).r.squaredNorm();
     return sum;
   }
 
@@ -220,6 +223,11 @@ class StructureSearch {
       to.precision(i, i) += slope * slope;
       to.gradient[i] += slope * prior.value;
     }
+    const ConstraintResiduals held = constraint_rows(problem_, multipliers_, z);
+    const Eigen::MatrixXd slopes =
+        held.slopes * problem_.unknowns.scale.cwiseInverse().asDiagonal();
+    to.gradient.head(z.size()) += slopes.transpose() * held.r;
+    to.precision.topLeftCorner(z.size(), z.size()) += slopes.transpose() * slopes;
   }
 
   /// A Gauss-Newton step within the bounds: what would leave them goes to the bound and stays.
@@ -402,6 +410,7 @@ class StructureSearch {
   }
 
   const VehicleProblem& problem_;
+  const Multipliers multipliers_;
   SecondarySimulation simulation_;
   std::vector<StudyUnknown> unknowns_;
   StudyPoint at_;

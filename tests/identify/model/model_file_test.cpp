@@ -53,7 +53,7 @@ outputs: {r: {column: 3, unit: deg/s}, vy: {column: vy}}
 
 const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
-    "include, recordings, A, B, C, "
+    "include, recordings, constraints, A, B, C, "
     "D, G, Q, "
     "R, S, initial, flags, load_transfer, max_gap, roll, sensors, tyre, regression, states, let, "
     "dynamics, "
