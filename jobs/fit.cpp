@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 
 #include "identify/model/simulation_model.h"
+#include "identify/noise/steps_ahead.h"
+#include "identify/regression/batch.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -84,21 +86,57 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
            "the old name");
   }
   const bool simulation = given.objective == "simulation";
+  const int steps = steps_in(given.objective);
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     NoiseMlOptions options = likelihood_options(given.search, run);
     if (simulation) options.objective = FitObjective::simulation;
     if (given.errors == "likelihood") options.errors = NoiseSize::likelihood;
-    return tune_ml(of, recordings, options);
+    return steps > 1 ? fit_steps_ahead(of, recordings, steps, options)
+                     : tune_ml(of, recordings, options);
   };
   return estimate_filter(run, std::move(model), given.recordings, given.search.hold_out,
                          given.reject_outliers || given.robust, estimator,
                          simulation ? simulation_model : ModelPreparation());
 }
 
+void check_objective(const std::string& objective) {
+  constexpr int kMostSteps = 10'000;
+  const int steps = steps_in(objective);
+  const bool known = objective.empty() || objective == "one-step" || objective == "simulation";
+  if (known || (steps >= 1 && steps <= kMostSteps)) return;
+  throw InputError(
+      {}, fmt::format("--objective {}", in_quotes(objective)),
+      fmt::format("one-step, simulation, or a number of steps up to {}, such as 10-step",
+                  kMostSteps));
+}
+
+// All samples at once: there is nothing to search for.
+Outcome fit_coefficients(const FitOptions& given, const Run& run) {
+  const Model model = load_any_model(given.model, run.call.inputs);
+  for (const auto& [is_given, option] :
+       {std::pair{given.bootstrap > 0, std::string("--bootstrap")},
+        std::pair{!given.method.empty(), "--method " + given.method},
+        std::pair{!given.structure.empty(), "--structure " + given.structure},
+        std::pair{!given.objective.empty(), "--objective " + given.objective},
+        std::pair{!given.errors.empty(), "--errors " + given.errors},
+        std::pair{given.robust, std::string("--robust")},
+        std::pair{given.reject_outliers, std::string("--reject-outliers")},
+        std::pair{!given.search.hold_out.empty(), std::string("--hold-out")}}) {
+    if (!is_given) continue;
+    throw InputError({model.source, 0, 0}, option + " does not apply to a regression",
+                     "least squares of all samples", "'track' follows coefficients that change");
+  }
+  const Recordings recordings = load_recordings(given.recordings, model, run.verb, run.call.inputs);
+  return finish(run, recordings,
+                kept(std::make_shared<RegressionEstimate>(fit_regression(model, recordings.data))));
+}
+
 Outcome fit(const FitOptions& options, Call& call) {
   const Run run{"fit", call, options.model.file, {}, options.result};
   limit_time(call, options.seconds);
   const bool simulation = options.objective == "simulation";
+  check_objective(options.objective);
+  if (is_regression(call.inputs.model(options.model.file))) return fit_coefficients(options, run);
   Model model = load_model(options.model, run.verb, call.inputs,
                            simulation ? FormulaReading::as_written : FormulaReading::linear);
   if (!options.objective.empty() && is_vehicle(model)) {
@@ -111,10 +149,11 @@ Outcome fit(const FitOptions& options, Call& call) {
                                  simulation ? "--objective simulation" : "a vehicle"),
                      "a model whose errors one step ahead are white");
   }
-  if (simulation && (options.reject_outliers || options.robust)) {
-    throw InputError({model.source, 0, 0}, "--reject-outliers with --objective simulation",
-                     "one of the two",
-                     "errors of a simulation are not white, and look like outliers");
+  const bool coloured = simulation || steps_in(options.objective) > 1;
+  if (coloured && (options.reject_outliers || options.robust)) {
+    throw InputError({model.source, 0, 0},
+                     "--reject-outliers with --objective " + options.objective, "one of the two",
+                     "errors of several steps are not white, and look like outliers");
   }
   if (!model.recordings.empty() && model.student) {
     throw InputError({model.source, 0, 0},
@@ -129,7 +168,9 @@ Outcome fit(const FitOptions& options, Call& call) {
 
 Verb fit_verb() {
   const auto options = std::make_shared<FitOptions>();
-  Verb verb{"fit", "Estimate the physical parameters of a vehicle or of a filter's model."};
+  Verb verb{"fit",
+            "Estimate the physical parameters of a vehicle or of a filter's model, or a "
+            "regression's coefficients."};
   add_model(verb, options->model);
   add_recordings(verb, options->recordings);
   add_settings(verb, options->model);
@@ -143,11 +184,13 @@ Verb fit_verb() {
              "disturb, prediction-error: with a filter gain, or trajectory: with the states of all "
              "rows unknown.",
              "output-error");
-  add_choice(verb, "--objective", options->objective, {"one-step", "simulation"},
-             "Formulas: Choose which errors are made small. one-step: those of a filter that "
-             "predicts the next sample; simulation: those of a simulation from a start that is "
-             "unknown, however coloured they are.",
-             "one-step");
+  add_text(
+      verb, "--objective", options->objective,
+      "Filter: Choose which errors are made small. one-step: those of a filter that predicts the "
+      "next sample; 10-step, or another number: those of its predictions as many samples ahead; "
+      "simulation (formulas): those of a simulation from a start that is unknown, however "
+      "coloured they are.",
+      "one-step");
   add_choice(verb, "--errors", options->errors, {"residuals", "likelihood"},
              "Formulas without process noise: Choose the size of the noise in standard errors. "
              "residuals: the sum of squares over n - p, with Student's t, as in regression; "
