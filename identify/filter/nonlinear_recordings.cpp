@@ -141,11 +141,6 @@ InputNodes nodes_in(const FormulaModel& model, const ParameterSet& at, const Dat
                                 : nodes_in(model, at, recording, integration.steps.steps);
 }
 
-// For the filter with these values.
-InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording) {
-  return nodes_in(as_formulas(model), at, recording, integration_of(model, at, recording));
-}
-
 // Do these steps follow the motion from x at all? Without noise.
 bool follow(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
             const std::vector<int>& steps, VectorXd x) {
@@ -185,6 +180,10 @@ Integration integration_of(const Model& model, const ParameterSet& given,
   if (formulas.linear) return {};
   const ParameterSet at = values_in(given, recording);
   return integration_from(model, at, recording, written_matrices(formulas.noise, at));
+}
+
+InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording) {
+  return nodes_in(as_formulas(model), at, recording, integration_of(model, at, recording));
 }
 
 namespace {

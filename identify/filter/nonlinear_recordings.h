@@ -31,6 +31,10 @@ struct Integration {
 /// @throws InputError when the file says too many
 Integration integration_of(const Model& model, const ParameterSet& at, const Dataset& recording);
 
+/// The recording's inputs with the integration that the filter with these values needs. The model is
+/// of formulas that are not linear.
+InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording);
+
 /// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
 /// one per thread.
 ///

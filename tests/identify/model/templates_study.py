@@ -9,6 +9,7 @@ Asked: |bias| <= sd/3 for every parameter, and 95 % intervals that a joint binom
 """
 import json
 import math
+import os
 import pathlib
 import shlex
 import subprocess
@@ -63,7 +64,7 @@ def chance(covered, runs, share=0.95):
 
 failed, least, parameters = False, 1.0, 0
 for name in NAMES:
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         runs = list(pool.map(lambda seed: run(name, seed), range(1, RUNS + 1)))
     print(f"{name}: {RUNS} recordings, {sum(list(r.values())[0][4] == 0 for r in runs)} with status ok")
     for parameter in runs[0]:

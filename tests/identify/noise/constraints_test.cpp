@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "identify/model/builder.h"
 #include "identify/model/model_file.h"
 #include "identify/noise/als.h"
 #include "identify/noise/bayes.h"
@@ -205,6 +206,26 @@ TEST(ConstrainedFit, AVehiclesAxlesKeepItsWheelbase) {
       InputError);
   EXPECT_THROW(constrained_car("constraints: [a + b = 2512 kg]\n"), InputError);
   EXPECT_THROW(constrained_car("constraints: [Cf < a]\n"), InputError);
+}
+
+TEST(ConstrainedFit, ProgramsStateThemToo) {
+  const Model model = linear_model()
+                          .A({{"a"}})
+                          .B({{"b"}})
+                          .C({{1}})
+                          .process_noise({{"q"}})
+                          .measurement_noise({{0.04}})
+                          .parameter("a", 0.4, {.min = -0.99, .max = 0.99})
+                          .parameter("b", 0.3)
+                          .parameter("q", 1.0, {.min = 0.0})
+                          .inputs({"u"})
+                          .outputs({"y"})
+                          .constraint("a + b = 0.85")
+                          .constraint("b < a")
+                          .step(1.0);
+  EXPECT_EQ(model.constraints.size(), 2);
+  const NoiseEstimate held = tune_ml(model, driven_recording(model), {});
+  EXPECT_NEAR(named(held, "a").value + named(held, "b").value, 0.85, 1e-8);
 }
 
 }  // namespace
