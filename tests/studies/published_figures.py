@@ -20,7 +20,7 @@ SMALL = {
     "matisko-figure-14-2-runs": ["matisko-figure-14", "--runs", "2"],
     "matisko-figure-1-50-runs": ["matisko-figure-1", "--runs", "50"],
     **{f"matisko-figure-{n}": [f"matisko-figure-{n}"] for n in range(4, 14)},
-    **{f"sladka-figure-9.{n}": [f"sladka-figure-9.{n}"] for n in range(2, 10)},
+    **{f"sladka-figure-9.{n}": [f"sladka-figure-9.{n}"] for n in range(1, 10)},
     "sladka-logarithm-10-runs": ["sladka-logarithm", "--runs", "10"],
 }
 LARGE = {
