@@ -20,8 +20,9 @@ namespace identikal {
 ///
 ///     PredictedMotion motion(model, recordings[0]);
 ///     motion.set(model.parameters);
+///     Eigen::VectorXd x = Eigen::VectorXd::Zero(2);
+///     Eigen::MatrixXd dx = Eigen::MatrixXd::Zero(2, coordinates(model.parameters).size());
 ///     motion.move(0, x, dx);  // from sample 0 to sample 1
-///     motion.observe(1, x, dx, y, dy);
 class PredictedMotion {
  public:
   PredictedMotion(const Model& model, const Dataset& recording);

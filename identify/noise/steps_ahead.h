@@ -1,6 +1,7 @@
 // Which parameters predict several samples ahead best?
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "identify/estimate/results.h"
