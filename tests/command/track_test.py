@@ -165,7 +165,7 @@ class TrackRegression(unittest.TestCase):
         empty = [[t, steer, ""] for t, steer, _ in self.rows]
         self.assertIn("yaw_rate", run("track", *self.write(rows=empty), code=2).stderr)
         files = self.write()
-        for verb in ("tune", "fit", "check", "shape", "bound"):
+        for verb in ("tune", "check", "shape", "bound"):
             self.assertIn("track MODEL DATA", run(verb, *files, code=2).stderr)
         self.assertIn("--adaptive", run("track", *files, "--adaptive", code=2).stderr)
         self.assertIn("steer", run("info", *files, code=0).stdout)
@@ -174,6 +174,15 @@ class TrackRegression(unittest.TestCase):
         out = result("track", ROOT / "examples/yaw_rate_regression.yaml", LANE_CHANGE[1])
         # One coefficient of the past alone nearly repeats the output.
         self.assertGreater(out["fit"]["one_step"]["r"]["fit_percent"], 80)
+
+    def test_all_samples_at_once(self):
+        out = result("fit", ROOT / "examples/yaw_rate_regression.yaml", LANE_CHANGE[1])
+        self.assertEqual(out["objective"]["method"], "least squares")
+        self.assertEqual([p["name"] for p in out["parameters"]], ["steer(t)", "r(t-1)"])
+        self.assertNotIn("time_history", out)
+        for option in (["--method", "trajectory"], ["--hold-out", "30%"], ["--objective", "simulation"]):
+            error = run("fit", ROOT / "examples/yaw_rate_regression.yaml", LANE_CHANGE[1], *option, code=2).stderr
+            self.assertIn("does not apply to a regression", error)
 
     def test_a_vehicle(self):
         out = run("track", *LANE_CHANGE, code=0).stdout

@@ -152,7 +152,10 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
   // Slopes of a regression are exact to rounding, and so is what they do not determine.
   const double flat = rows_have_no_order(likelihood.model(), end) ? kFlatRegression : kFlat;
   const std::optional<MatrixXd> bound = scaled_inverse(information, flat);
-  if (bound && std::isfinite(freedom)) {
+  // Those of a simulation are least squares too; and where its equations have kinks, as of dead zones
+  // and limits, second differences say next to nothing.
+  const bool by_slopes = std::isfinite(freedom) || score != nullptr;
+  if (bound && by_slopes) {
     covariance = *bound;
     estimate.covariance_kind = "expected information";
   } else if (bound) {
