@@ -7,8 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "lib/base/interpolation.h"
-
 namespace identikal {
 namespace {
 
@@ -16,11 +14,27 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// A curve with its slope.
+// Cubics between samples whose slope at a sample is that of the parabola through it and its neighbours
+// (cubic convolution: Keys 1981, IEEE Trans. ASSP 29). A likelihood has a derivative by the delay then, as
+// it has not with straight lines; and jumps still tell a delay of whole sampling periods, as they do
+// not with a curve that keeps to the samples' range and is flat there.
 class LateCurve {
  public:
   LateCurve(const VectorXd& time, const VectorXd& values)
-      : time_(time), values_(values), curve_(time, values) {}
+      : time_(time), values_(values), slope_(VectorXd::Zero(time.size())) {
+    const Index last = time.size() - 1;
+    const auto chord = [&](Index k) {
+      return (values[k + 1] - values[k]) / (time[k + 1] - time[k]);
+    };
+    for (Index k = 0; last > 0 && k <= last; ++k) {
+      if (k == 0 || k == last) {
+        slope_[k] = chord(k == 0 ? 0 : last - 1);
+        continue;
+      }
+      const double before = time[k] - time[k - 1], behind = time[k + 1] - time[k];
+      slope_[k] = (chord(k - 1) * behind + chord(k) * before) / (before + behind);
+    }
+  }
 
   struct Point {
     double value, slope;
@@ -35,12 +49,22 @@ class LateCurve {
       const auto behind = std::upper_bound(time_.begin() + interval_, time_.end(), at);
       interval_ = std::min<Index>(behind - time_.begin() - 1, last - 1);
     }
-    return {curve_.in_interval(interval_, at), curve_.slope_in_interval(interval_, at)};
+    return in_interval(interval_, at);
   }
 
  private:
+  // value + s h (slope + s (c2 + s c3)), s = (at - time)/h
+  Point in_interval(Index k, double at) const {
+    const double h = time_[k + 1] - time_[k], s = (at - time_[k]) / h;
+    const double chord = (values_[k + 1] - values_[k]) / h;
+    const double c2 = 3.0 * chord - 2.0 * slope_[k] - slope_[k + 1];
+    const double c3 = slope_[k] + slope_[k + 1] - 2.0 * chord;
+    return {values_[k] + s * h * (slope_[k] + s * (c2 + s * c3)),
+            slope_[k] + s * (2.0 * c2 + s * 3.0 * c3)};
+  }
+
   const VectorXd time_, values_;
-  Pchip curve_;
+  VectorXd slope_;
   Index interval_ = 0;
 };
 

@@ -15,8 +15,8 @@ namespace identikal {
 ///
 ///   U(t - tau) + U'(t - tau) tau   in its place and   U'(t - tau)   in the further row
 ///
-/// (ModelFormulas::LateInput), U being a smooth curve through what was recorded
-/// (lib/base/interpolation.h) that stays what it was before the first sample and behind the last.
+/// (ModelFormulas::LateInput), U being a smooth curve through the samples that were recorded (cubic
+/// convolution) that stays what it was before the first and behind the last.
 ///
 /// Example:
 ///

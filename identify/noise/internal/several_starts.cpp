@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/model/parameter_prior.h"
 #include "identify/model/row_order.h"
 #include "identify/noise/internal/common_scale.h"
 #include "identify/noise/internal/profiled_noise.h"
@@ -351,6 +352,15 @@ void run_others(Searches& searches, RecordingsLikelihood& likelihood,
   });
 }
 
+// Is a search caught where the model's constraints do not hold?
+bool breaks_constraints(const RecordingsLikelihood& likelihood, const ParameterSet& parameters,
+                        const FactorCoordinates& factors, const Solution& solution) {
+  constexpr double kHolds = 1.0;  // nats that are taken for it
+  if (likelihood.model().constraints.empty()) return false;
+  const ParameterSet at = with_coordinates(parameters, factors.to(solution.x));
+  return likelihood.log_density_beside_data(at) - stated_priors_at(at).value < -kHolds;
+}
+
 const Solution& best_of(const std::vector<Search>& all) {
   std::size_t best = 0;
   for (std::size_t i = 1; i < all.size(); ++i) {
@@ -424,7 +434,8 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     if (summary.termination == Termination::not_called) continue;  // told to stop before
     out.iterations += summary.iterations;
     out.evaluations += summary.evaluations;
-    const bool undefined = summary.termination == Termination::start_undefined;
+    const bool undefined = summary.termination == Termination::start_undefined ||
+                           breaks_constraints(likelihood, parameters, factors, search.solution);
     if (undefined && &search != &all[0]) continue;
     defined.push_back(&search);
     out.paths.push_back(std::move(search.path));

@@ -1,4 +1,4 @@
-// Inputs that are late by an unknown time: their curve, derivatives by the delay against differences,
+// Inputs that are late by an unknown time: their course, derivatives by the delay against differences,
 // and a delay that is found again.
 #include "identify/model/late_inputs.h"
 
@@ -31,7 +31,7 @@ std::string actuator(const std::string& noise, const std::string& time = "foh",
 time: {kind: continuous, step: 0.02 s, inputs: )" +
          time + R"(}
 parameters:
-  tau: {value: 0.1 s, min: 0 s, max: 0.4 s}
+  tau: {value: 0.1037 s, min: 0 s, max: 0.4 s}
   lag: {value: 0.2 s, min: 0.02, max: 2}
   s: {value: 0.02, min: 0.001}
 states: {angle: rad}
@@ -65,7 +65,7 @@ std::vector<Dataset> recorded(const Model& model, double delay, double lag, doub
   return {recording(model, y, 0.02, u)};
 }
 
-TEST(LateInputs, AreTheCurveAndItsSlope) {
+TEST(LateInputs, AreTheInputAndItsSlope) {
   const Model model = parse_model_file(actuator(""), "actuator.yaml");
   const FormulaModel& formulas = as_formulas(model);
   ASSERT_EQ(formulas.late.size(), 1U);
@@ -162,7 +162,7 @@ TEST(LateInputs, MistakesHaveTheirPlace) {
                 "a parameter; did you mean 'tau'?"));
   EXPECT_THAT(delay_refusal(put_in_place(actuator(""), ", min: 0 s, max: 0.4 s", "")),
               HasSubstr("'tau' may be anything"));
-  EXPECT_THAT(delay_refusal(put_in_place(actuator(""), "value: 0.1 s, min: 0 s, max: 0.4 s",
+  EXPECT_THAT(delay_refusal(put_in_place(actuator(""), "value: 0.1037 s, min: 0 s, max: 0.4 s",
                                          "value: 0.1 m, min: 0 m, max: 0.4 m")),
               HasSubstr("expected a time"));
   EXPECT_THAT(delay_refusal(actuator("", "pchip")),
