@@ -51,7 +51,7 @@ noise: {process: {kind: density, sd: {v: s}}, measurement: {sd: {y: 0.02}}}
 initial: {mean: {x: 0, v: 0}, sd: {x: 0.1, v: 0.1}}
 )";
 
-// A first-order system with input, and beside it a slow one that the model does not have.
+// A first-order system with an input, and a slow disturbance that the model does not have.
 std::vector<Dataset> driven_level(const Model& model, Index N, double slow, double step = 1.0) {
   Random random(8);
   VectorXd u(N), y(N);
