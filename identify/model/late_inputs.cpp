@@ -110,7 +110,7 @@ std::vector<int> run_of_rows(const VectorXd& time, const std::vector<std::pair<I
   return out;
 }
 
-// Of one late input: fills its row of u and says where it is known.
+// In which rows one late input is known, and by which run of its samples.
 struct LateRows {
   std::vector<std::pair<Index, Index>> runs;
   std::vector<int> run;  // per row

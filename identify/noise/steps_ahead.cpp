@@ -197,7 +197,6 @@ void report_errors(NoiseEstimate& estimate, const Model& model, const ParameterS
   }
   SimulationScore score;
   score.by_sample = MatrixXd::Zero(k, N);
-  score.by_autoregression = MatrixXd::Zero(k, k);
   Index at = 0;
   for (const ErrorsAhead& one : errors) {
     for (Index t = 0; t < one.e.cols(); ++t, ++at) {
