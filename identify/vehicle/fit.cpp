@@ -442,10 +442,25 @@ void allow_for_structure(VehicleFit& fit) {
   fit.as_written = free_values(fit.found);
   if (fit.noise.corrected) fit.as_written -= fit.noise.shift;
   if (fit.takes_structure()) {
-    take_structure(*fit.structure, fit.as_written, fit.covariance);
+    take_structure(*fit.structure, fit.found.problem.unknowns, fit.as_written, fit.covariance);
   } else {
     widen_by_structure(*fit.structure, fit.as_written, fit.simulated, fit.covariance);
   }
+}
+
+/// Where the covariance is taken: at the optimum, or at the study's values where these are the answer
+/// and no more at a bound that the model as written ends at.
+VehicleOptimum where_errors_are_taken(const VehicleFit& fit) {
+  VehicleOptimum at = fit.found.best;
+  if (!fit.takes_structure()) return at;
+  const VehicleProblem& problem = fit.found.problem;
+  const Eigen::VectorXd taken = fit.structure->value.cwiseQuotient(problem.unknowns.scale);
+  bool leaves = false;
+  for (Eigen::Index i = 0; i < taken.size(); ++i) {
+    leaves = leaves || (is_at_bound(problem, at.z, i) && !is_at_bound(problem, taken, i));
+  }
+  if (leaves) at.z.head(taken.size()) = taken;
+  return at;
 }
 
 /// Known noise is corrected for; what is found is stated, and part of the error.
@@ -478,7 +493,7 @@ bool find_optimum(const VehicleRun& run, const VehicleUnknowns& unknowns, Vehicl
     fit.covariance = follow_trajectory(fit.options, watched, found, estimate);
   } else {
     if (fit.options.method == Method::prediction_error) predict_instead(watched, found, estimate);
-    fit.covariance = vehicle_covariance(found.problem, found.best);
+    fit.covariance = vehicle_covariance(found.problem, where_errors_are_taken(fit));
   }
   estimate.pictures.searches = found.paths;
   // Whatever one start found, the search was not finished.

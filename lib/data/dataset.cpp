@@ -150,8 +150,19 @@ struct Stamps {
   bool from_first = false;  // the values count from the first stamp
 };
 
+// Taken as seconds they would be off by 1000 and more.
+void refuse_missing_unit(const Table& table, const Column& column, const Location& at) {
+  const std::string unit = time_unit(column);
+  if (unit == "s" || !column.unit.empty()) return;
+  throw InputError(place(at, table),
+                   "column " + quoted_excerpt(column.name) + " has no unit, and is in " + unit +
+                       " by its name or as a time since 1970",
+                   "'unit: " + unit + "' beside the column, or 'unit: s'");
+}
+
 Stamps read_stamps(const Table& table, const TimeSource& source) {
   const Column& column = find_column(table, source.column, source.at);
+  if (source.unit.empty()) refuse_missing_unit(table, column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, "s", source.at);
   const std::vector<double> t = exact_stamps(column);
   for (std::size_t row = 0; row < t.size(); ++row) {
@@ -363,13 +374,21 @@ bool looks_like_time(const Column& column) {
   return lower_case(column.name).find("time") != std::string::npos;
 }
 
+// Between 1973 and 2286, counted from 1970.
+std::string epoch_unit(double stamp) {
+  for (const auto& [unit, second] : {std::pair{"ms", 1e3}, {"us", 1e6}, {"ns", 1e9}}) {
+    if (stamp >= 1e8 * second && stamp < 1e10 * second) return unit;
+  }
+  return "s";
+}
+
 std::string time_unit(const Column& column) {
   if (is_time_unit(column.unit)) return column.unit;
   for (const std::string& text : {column.unit, column.name}) {
     const std::vector<std::string> words = words_in(text);
     if (words.size() > 1 && is_time_unit(words.back())) return words.back();
   }
-  return "s";
+  return column.values.empty() ? "s" : epoch_unit(column.values.front());
 }
 
 std::vector<double> exact_stamps(const Column& column) {

@@ -19,6 +19,13 @@ class Info(unittest.TestCase):
             path.write_text("time [ns],y\n" + "".join(f"{1700000000123456789 + k * 100000},{k % 7}\n" for k in range(200)))
             self.assertIn("10000 Hz (step 0.0001 s), 0.0199 s long, 0 gaps, 0 uneven", run("info", path, code=0).stdout)
 
+    def test_epoch_without_a_unit(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, "log.csv")
+            for digits in (3, 6, 9):
+                path.write_text("timestamp,y\n" + "".join(f"{(17000000000 + k) * 10 ** (digits - 1)},{k % 7}\n" for k in range(200)))
+                self.assertIn("10 Hz (step 0.1 s), 19.9 s long, 0 gaps, 0 uneven", run("info", path, code=0).stdout)
+
     def test_model_and_data(self):
         self.assertIn("level", run("info", *NILE, code=0).stdout)
 

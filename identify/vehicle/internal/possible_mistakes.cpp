@@ -1,20 +1,32 @@
 #include "identify/vehicle/internal/possible_mistakes.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
 namespace identikal {
 namespace {
 
+constexpr double kPart = 1e-3;  // of a size, for differences
+// Numbers of the model file: these mistakes are common, and what is known of them is the recording's.
+constexpr double kOfTheModelFile = 0.5;
+
 class Mistakes {
  public:
-  Mistakes(const VehicleProblem& problem, const StudyPoint& at,
+  Mistakes(const VehicleProblem& problem, SecondarySimulation& simulation, const StudyPoint& at,
            const std::vector<StudyUnknown>& unknowns, const Eigen::VectorXd& errors,
            const Eigen::MatrixXd& by_unknown)
-      : problem_(problem), at_(at), unknowns_(unknowns), errors_(errors), by_unknown_(by_unknown) {
-    add_change(kCf);
-    add_change(kCr);
+      : problem_(problem),
+        simulation_(simulation),
+        at_(at),
+        unknowns_(unknowns),
+        errors_(errors),
+        by_unknown_(by_unknown) {
+    add_changes();
+    add_exchanged_axles();
+    add_speed();
+    add_place_of_vy();
     for (std::size_t j = 0; j < problem.run->outputs.size(); ++j) add_sensor(j);
   }
 
@@ -43,22 +55,83 @@ class Mistakes {
                    .by = by_unknown_.col(i)});
   }
 
-  /// Stiffer in the later half than in the earlier. What goes on across the middle is little.
-  void add_change(VehicleParameter stiffness) {
+  /// Tyres, or load, which is a change of both stiffnesses the other way round.
+  void add_changes() {
+    const Eigen::VectorXd front = change(kCf), rear = change(kCr);
+    if (front.size() > 0) add_change("Cf", front);
+    if (rear.size() > 0) add_change("Cr", rear);
+    if (front.size() > 0 && rear.size() > 0) add_change("Cf and Cr", front + rear);
+  }
+
+  /// Derivative by how much stiffer it is in the later half than in the earlier, relative; empty
+  /// where it is not free. What goes on across the middle is little.
+  Eigen::VectorXd change(VehicleParameter stiffness) const {
     const Eigen::Index i = column(StudyUnknown::Kind::free, stiffness);
-    if (i < 0) return;
+    if (i < 0) return {};
     const Eigen::Index half = row_in_the_middle();
     Eigen::VectorXd by = 0.5 * at_.p[stiffness] * by_unknown_.col(i);
     for (Eigen::Index n = 0; n < by.size(); ++n) {
       if (problem_.row[static_cast<std::size_t>(n)] < half) by[n] = -by[n];
     }
-    all.push_back({.name = fmt::format("change of {}", name_of(stiffness)),
+    return by;
+  }
+
+  void add_change(const char* of, const Eigen::VectorXd& by) {
+    all.push_back({.name = fmt::format("change of {}", of),
                    .unit = "",
                    .usual = 0.02,
                    .sd = 0.2,
-                   .of_car = true,
+                   .code = FindingCode::car_changes,
                    .separated_by = "fitting the halves of the recording one by one",
-                   .by = std::move(by)});
+                   .by = by});
+  }
+
+  /// The centre of gravity just where the other axle distance puts it.
+  void add_exchanged_axles() {
+    if (problem_.unknowns.find(kA) >= 0 || problem_.unknowns.find(kB) >= 0) return;
+    const double wheelbase = at_.p[kA] + at_.p[kB], step = kPart * wheelbase;
+    const double behind = at_.p[kB] - at_.p[kA], sd = 0.005 * wheelbase;
+    if (std::abs(behind) < 2.0 * sd) return;  // as good as the right ones
+    StudyPoint other = at_;
+    other.p[kA] += step;
+    other.p[kB] -= step;
+    all.push_back({.name = "centre of gravity, as if a and b were exchanged, off by",
+                   .unit = "m",
+                   .usual = sd,
+                   .sd = sd,
+                   .mean = behind,
+                   .odds = kOfTheModelFile,
+                   .code = FindingCode::structure_dependent,
+                   .separated_by = "weighing the axles",
+                   .by = (simulation_.errors(other) - errors_) / step});
+  }
+
+  void add_speed() {
+    VehicleRun faster = *problem_.run;
+    faster.vx *= 1.0 + kPart;
+    VehicleProblem of_faster = problem_;
+    of_faster.run = &faster;
+    SecondarySimulation simulation(of_faster, problem_.unknowns.value[kSteeringDelay]);
+    all.push_back({.name = "scale of the speed off by",
+                   .unit = "",
+                   .usual = 0.0,
+                   .sd = 0.05,
+                   .odds = kOfTheModelFile,
+                   .separated_by = "GPS",
+                   .by = (simulation.errors(at_) - errors_) / kPart});
+  }
+
+  void add_place_of_vy() {
+    const Eigen::Index i = column(StudyUnknown::Kind::effect, kArmOfVy);
+    if (i < 0) return;
+    const StudyUnknown& unknown = unknowns_[static_cast<std::size_t>(i)];
+    all.push_back({.name = name_of(unknown),
+                   .unit = unknown.unit,
+                   .usual = 0.0,
+                   .sd = 0.3 * (at_.p[kA] + at_.p[kB]),
+                   .odds = kOfTheModelFile,
+                   .separated_by = unknown.separated_by,
+                   .by = by_unknown_.col(i)});
   }
 
   Eigen::Index row_in_the_middle() const {
@@ -105,6 +178,7 @@ class Mistakes {
   }
 
   const VehicleProblem& problem_;
+  SecondarySimulation& simulation_;
   const StudyPoint& at_;
   const std::vector<StudyUnknown>& unknowns_;
   const Eigen::VectorXd& errors_;
@@ -113,11 +187,13 @@ class Mistakes {
 
 }  // namespace
 
-std::vector<PossibleMistake> possible_mistakes(const VehicleProblem& problem, const StudyPoint& at,
+std::vector<PossibleMistake> possible_mistakes(const VehicleProblem& problem,
+                                               SecondarySimulation& simulation,
+                                               const StudyPoint& at,
                                                const std::vector<StudyUnknown>& unknowns,
                                                const Eigen::VectorXd& errors,
                                                const Eigen::MatrixXd& by_unknown) {
-  return Mistakes(problem, at, unknowns, errors, by_unknown).all;
+  return Mistakes(problem, simulation, at, unknowns, errors, by_unknown).all;
 }
 
 }  // namespace identikal

@@ -13,6 +13,7 @@ namespace identikal {
 namespace {
 
 constexpr double kOpen = 0.25;              // of a parameter: what makes it unknown
+constexpr double kLargestShift = 0.2;       // of a parameter: what of it counts where it is taken
 constexpr double kShareOfStructure = 0.25;  // of a variance: from there on it is the structure's
 constexpr double kMistaken = 5.0;           // standard deviations of the prior
 constexpr double kCertain = 0.8;            // the probability of a mistake that is taken as one
@@ -75,13 +76,19 @@ FindingCode mistake(const std::string& cause) {
   return of_sensor ? FindingCode::sensor_differs : FindingCode::other;
 }
 
+bool is_about(const Findings& findings, const std::string& name) {
+  return std::any_of(findings.begin(), findings.end(),
+                     [&](const Finding& finding) { return finding.about.front() == name; });
+}
+
 /// Mistakes that the recording is all but sure of. Where they are small the errors allow for them.
-Findings check_suspected(const StructureStudy& study) {
+/// @param others  what was said already
+Findings check_suspected(const StructureStudy& study, const Findings& others) {
   Findings out;
   for (const SuspectedMistake& mistake : study.mistakes) {
-    if (!(mistake.probability > kCertain)) continue;
+    if (!(mistake.probability > kCertain) || is_about(others, mistake.name)) continue;
     Finding finding = make_finding(
-        mistake.of_car ? FindingCode::car_changes : FindingCode::sensor_differs, {mistake.name},
+        mistake.code, {mistake.name},
         fmt::format("the recording contradicts the model file: {} {:.2g} +- {:.1g}{}{}",
                     mistake.name, mistake.size, mistake.sd, mistake.unit.empty() ? "" : " ",
                     mistake.unit),
@@ -136,9 +143,14 @@ void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& valu
   covariance.covariance += more(covariance.inner, covariance.inner);
 }
 
-void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
-                    VehicleCovariance& covariance) {
-  const Eigen::VectorXd shift = shift_share(true) * (study.value - value);
+void take_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
+                    const Eigen::VectorXd& value, VehicleCovariance& covariance) {
+  Eigen::VectorXd shift = shift_share(true) * (study.value - value);
+  for (Eigen::Index i = 0; i < shift.size(); ++i) {
+    if (!is_judged(unknowns.free[static_cast<std::size_t>(i)])) continue;
+    const double limit = kLargestShift * std::abs(study.value[i]);
+    shift[i] = std::clamp(shift[i], -limit, limit);
+  }
   const Eigen::MatrixXd own = study.covariance + shift * shift.transpose();
   covariance.covariance = own(covariance.inner, covariance.inner);
 }
@@ -188,7 +200,7 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
                                 p.unit));
   }
   Findings out = check_mistakes(study);
-  append(out, check_suspected(study));
+  append(out, check_suspected(study, out));
   append(out, check_surprise(study, out));
   if (open.empty()) return out;
   out.push_back(make_finding(

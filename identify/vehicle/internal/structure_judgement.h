@@ -19,9 +19,11 @@ double shift_share(bool adopted);
 void widen_by_structure(const StructureStudy& study, const Eigen::VectorXd& value,
                         const Eigen::VectorXd& simulated, VehicleCovariance& covariance);
 
-/// The covariance of the study's own values: the study's, and the square of its share of the shift.
-void take_structure(const StructureStudy& study, const Eigen::VectorXd& value,
-                    VehicleCovariance& covariance);
+/// The covariance of the study's own values: the study's, and the square of its share of the shift, of
+/// Cf, Cr and Iz up to a fifth of them.
+/// @param value  of the model as it is written
+void take_structure(const StructureStudy& study, const VehicleUnknowns& unknowns,
+                    const Eigen::VectorXd& value, VehicleCovariance& covariance);
 
 /// Fills EstimatedParameter::se_structure, notes what the recording shows of the causes, and where
 /// the study's values are taken lists all of them among the derived values.

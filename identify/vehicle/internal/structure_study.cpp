@@ -20,8 +20,7 @@ constexpr double kNearEnough = 0.3;   // where derivatives by differences lead n
 constexpr double kLeastShare = 0.01;  // of a step
 constexpr double kStateStep = 1e-4;   // for differences, over kStateScale
 constexpr double kUncorrelated = 0.05;
-constexpr double kMistakes = 0.02;  // of things that may be wrong are
-constexpr double kGross = 0.5;      // of the standard deviation of mistakes
+constexpr double kGross = 0.5;  // of the standard deviation of mistakes
 constexpr double kWeighedAgain =
     1.0;  // standard errors: a smaller mistake leaves the noise as it is
 
@@ -348,17 +347,17 @@ class StructureSearch {
   }
 
   /// Of every mistake: how probable it is beside that nobody made any. The covariance grows by the
-  /// second moments of what it would change.
+  /// second moments of what it would change, as far as the recording makes it more probable.
   void suspect(const Eigen::VectorXd& e, StructureStudy& out) {
     const std::vector<PossibleMistake> mistakes =
-        possible_mistakes(problem_, at_, unknowns_, e, by_unknown_);
+        possible_mistakes(problem_, simulation_, at_, unknowns_, e, by_unknown_);
     Eigen::MatrixXd by(e.size(), count() + static_cast<Eigen::Index>(mistakes.size()));
     by.leftCols(count()) = by_unknown_;
     for (Eigen::Index i = count(); i < by.cols(); ++i) by.col(i) = mistakes[i - count()].by;
     const NormalEquations first = normal_equations(by, e);
     const Eigen::VectorXd weight = weight_;
     std::vector<Eigen::VectorXd> moved;
-    double all = 1.0;
+    double all = 1.0, all_before = 1.0;
     for (const PossibleMistake& mistake : mistakes) {
       const Eigen::Index at = count() + static_cast<Eigen::Index>(moved.size());
       Suspicion said = with_one_more(first, at);
@@ -366,30 +365,33 @@ class StructureSearch {
         said = suspicion(said, by, at, first.blocks, e);
         weight_ = weight;
       }
-      const auto density = [&](double sd) {
+      const auto density = [&](double mean, double sd) {
         const double variance = said.variance + sd * sd;
-        return std::exp(-0.5 * said.size * said.size / variance) / std::sqrt(variance);
+        return std::exp(-0.5 * std::pow(said.size - mean, 2) / variance) / std::sqrt(variance);
       };
-      const double none = std::max(1e-300, density(mistake.usual));
-      double any = density(mistake.sd);
+      const double none = std::max(1e-300, density(0.0, mistake.usual));
+      double any = density(mistake.mean, mistake.sd);
       if (mistake.positive) any *= said.size > 0.0 ? 2.0 : 0.0;
       SuspectedMistake found{.name = mistake.name,
                              .unit = mistake.unit,
                              .size = said.size,
                              .sd = std::sqrt(said.variance),
-                             .gross = kGross * mistake.sd,
-                             .probability = kMistakes / (1.0 - kMistakes) * any / none,
-                             .of_car = mistake.of_car,
+                             .gross = kGross * std::max(mistake.sd, std::abs(mistake.mean)),
+                             .probability = mistake.odds * any / none,
+                             .code = mistake.code,
                              .separated_by = mistake.separated_by};
       all += found.probability;
-      const double shrunk = 1.0 / (1.0 / said.variance + 1.0 / (mistake.sd * mistake.sd));
-      const double mean = shrunk * said.size / said.variance;
+      all_before += mistake.odds;
+      const double variance = mistake.sd * mistake.sd;
+      const double shrunk = 1.0 / (1.0 / said.variance + 1.0 / variance);
+      const double mean = shrunk * (said.size / said.variance + mistake.mean / variance);
       moved.push_back(std::sqrt(mean * mean + shrunk) * said.moved.head(problem_.parameters()));
       out.mistakes.push_back(std::move(found));
     }
     for (std::size_t i = 0; i < moved.size(); ++i) {
-      out.mistakes[i].probability /= all;
-      out.covariance += out.mistakes[i].probability * moved[i] * moved[i].transpose();
+      const double after = out.mistakes[i].probability /= all,
+                   before = mistakes[i].odds / all_before;
+      out.covariance += std::max(0.0, after - before) * moved[i] * moved[i].transpose();
     }
   }
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "identify/estimate/finding.h"
 #include "identify/vehicle/output_error.h"
 #include "lib/vehicle/secondary_effects.h"
 
@@ -27,7 +28,7 @@ struct SuspectedMistake {
   double size = 0.0, sd = 0.0;  ///< as the recording says
   double gross = 0.0;           ///< a size from where on derivatives lead no further
   double probability = 0.0;     ///< that somebody made it, beside that nobody made any
-  bool of_car = false;          ///< it changed; else it is a sensor's
+  FindingCode code = FindingCode::sensor_differs;  ///< that says so
   std::string separated_by;
 };
 
@@ -53,8 +54,8 @@ struct StructureStudy {
 /// averages over the structures instead of choosing one. Then it weighs possible_mistakes(), of size
 /// x, each as one more unknown: x^ +- s says the problem linear about there, with the noise that is
 /// left with it, and beside that nobody made any the odds are
-///   1/49 N(x^; 0, s^2 + sd^2) / N(x^; 0, s^2 + usual^2).
-/// The covariance grows by what they would change, by their probability.
+///   odds N(x^; mean, s^2 + sd^2) / N(x^; 0, s^2 + usual^2).
+/// The covariance grows by what they would change, by the probability that the recording adds.
 ///
 /// @param optimum  of output error, where it begins
 StructureStudy study_structure(const VehicleProblem& problem, const VehicleOptimum& optimum);

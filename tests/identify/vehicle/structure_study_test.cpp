@@ -105,6 +105,26 @@ TEST(StructureStudy, NamesWhatTheRecordingShows) {
   EXPECT_LT(std::abs(z_of(fit, "Iz", 2319.0)), 2.6);
 }
 
+// As written the lag is a softer rear axle, 75 kN/rad where it may.
+TEST(StructureStudy, ABoundOfTheModelAsWrittenIsNoneOfTheStudys) {
+  SecondaryEffects effects{};
+  effects[kSteeringLag] = 0.03;
+  Model model = sladka2010_model({"r", "ay"});
+  for (auto& p : model.parameters) {
+    if (p.name == "Cr") p.min = 80e3;
+  }
+  VehicleFitOptions options;
+  const Dataset data = swept(effects, 0.0, 13);
+  EXPECT_EQ(parameter(fit_vehicle(model, data, options), "Cr").verdict, Verdict::at_bound);
+  options.structure = Structure::automatic;
+  const VehicleEstimate fit = fit_vehicle(model, data, options);
+  EXPECT_EQ(parameter(fit, "Cr").verdict, Verdict::ok);
+  EXPECT_LT(std::abs(z_of(fit, "Cr", 88107.7)), 2.6);
+  EXPECT_THAT(
+      fit.findings,
+      ::testing::Not(::testing::Contains(::testing::Field(&Finding::code, FindingCode::at_bound))));
+}
+
 const Finding* finding(const VehicleEstimate& fit, FindingCode code) {
   for (const Finding& finding : fit.findings) {
     if (finding.code == code) return &finding;
@@ -136,6 +156,51 @@ TEST(StructureStudy, NamesASensorThatIsLate) {
   const Finding* differs = finding(fit, FindingCode::sensor_differs);
   ASSERT_NE(differs, nullptr) << fit.message;
   EXPECT_THAT(differs->about.front(), HasSubstr(" of r"));  // delay or lag
+}
+
+// 61 % of the weight in front, and the model file says behind.
+TEST(StructureStudy, NamesAxleDistancesThatAreExchanged) {
+  Model model = sladka2010_model({"r", "ay"});
+  for (auto& p : model.parameters) {
+    if (p.name == "a" || p.name == "b") p.value(0, 0) = 0.987 + 1.525 - p.scalar();
+  }
+  for (const Structure structure : {Structure::as_written, Structure::automatic}) {
+    VehicleFitOptions options;
+    options.structure = structure;
+    const VehicleEstimate fit = fit_vehicle(model, swept({}, 0.0, 10), options);
+    EXPECT_NE(fit.status, Status::ok);
+    const Finding* exchanged = finding(fit, FindingCode::structure_dependent);
+    ASSERT_NE(exchanged, nullptr) << fit.message;
+    EXPECT_THAT(exchanged->text, HasSubstr("as if a and b were exchanged, off by -0."));
+  }
+}
+
+TEST(StructureStudy, NamesASpeedOfAnotherScale) {
+  Dataset data = swept({}, 0.0, 11);
+  data.u.row(1) *= 1.1;  // of the true one 0.909
+  const VehicleEstimate fit = fitted(data, Structure::automatic);
+  EXPECT_EQ(fit.status, Status::untrusted);
+  const Finding* scale = finding(fit, FindingCode::sensor_differs);
+  ASSERT_NE(scale, nullptr) << fit.message;
+  EXPECT_THAT(scale->text, HasSubstr("scale of the speed off by -0.09"));
+}
+
+// 0.3 m are more than equipment usually has and less than what is refused.
+TEST(StructureStudy, AllowsForASensorOfVyThatSitsElsewhere) {
+  const auto angle = [](double t) { return 0.4 * std::sin(1.3 * t); };
+  const auto speed = [](double) { return 22.0; };
+  Dataset data = with_noise(record({}, uniform_time(25.0, 50.0), {"r", "vy"}, angle, speed),
+                            {0.003, 0.02}, 12);
+  data.y.row(1) += 0.3 * data.y.row(0);
+  VehicleFitOptions options;
+  options.structure = Structure::ignored;
+  const Model model = sladka2010_model({"r", "vy"});
+  EXPECT_GT(z_of(fit_vehicle(model, data, options), "Cf", 88107.7), 2.6);
+  options.structure = Structure::automatic;
+  const VehicleEstimate fit = fit_vehicle(model, data, options);
+  for (const auto& [name, truth] : {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}}) {
+    EXPECT_LT(std::abs(z_of(fit, name, truth)), 2.6) << name;
+  }
 }
 
 // A study of Iz = 2000 +- 100, 900 away from the model as it is written.
@@ -179,6 +244,15 @@ TEST(StructureStudy, ACauseThatNoCarHasStandsForSomethingElse) {
   EXPECT_EQ(found[0].code, FindingCode::structure_dependent);
   EXPECT_EQ(found[0].severity, Severity::serious);
   EXPECT_THAT(found[0].text, HasSubstr("lever arm of ay -0.2"));
+}
+
+// Two thirds of the shift from 1100 to 2000 would be 600.
+TEST(StructureStudy, OfAShiftOfTheInertiaAFifthOfItCounts) {
+  JudgedInertia car = judged_inertia();
+  car.covariance.covariance = Eigen::MatrixXd::Zero(1, 1);
+  take_structure(study_far_from_the_model(0.0), car.unknowns, Eigen::VectorXd::Constant(1, 1100.0),
+                 car.covariance);
+  EXPECT_DOUBLE_EQ(car.covariance.covariance(0, 0), 100.0 * 100.0 + 400.0 * 400.0);
 }
 
 TEST(StructureStudy, UnitsChangeNothing) {

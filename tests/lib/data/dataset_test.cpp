@@ -476,6 +476,30 @@ TEST(Dataset, RowsOfOneTimeAreReplicates) {
   EXPECT_THROW(make_dataset(log, time, {}, {late}), InputError);
 }
 
+// As seconds they would be years apart.
+TEST(Dataset, RefusesTimeThatIsNotInSecondsWithoutItsUnit) {
+  const auto read = [](const char* name, double first, double step, const char* unit) {
+    const Table log = table(
+        {column(name, "", {first, first + step, first + 2 * step}), column("y", "", {1, 2, 3})});
+    return make_dataset(log, time_column(name, unit), {}, {channel("y", "y")}).dt;
+  };
+  EXPECT_EQ(read("t", 1.7e9, 0.5, ""), 0.5);
+  EXPECT_EQ(read("t_s", 0.0, 0.5, ""), 0.5);
+  for (const auto& [name, first, unit] : {std::tuple{"timestamp", 1.7e12, "ms"},
+                                          {"t", 1.7e15, "us"},
+                                          {"time", 1.7e18, "ns"},
+                                          {"t_ms", 0.0, "ms"}}) {
+    EXPECT_GT(read(name, first, 1024.0, "s"), 1000.0);
+    EXPECT_LT(read(name, first, 1024.0, unit), 1.1);
+    try {
+      read(name, first, 1024.0, "");
+      ADD_FAILURE() << name;
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr(std::string("'unit: ") + unit + "'"));
+    }
+  }
+}
+
 // Of an epoch the next number is far away.
 TEST(Dataset, ReplicatesOfAnEpochRise) {
   const Table log = table(
