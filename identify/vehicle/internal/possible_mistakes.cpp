@@ -117,6 +117,7 @@ class Mistakes {
                    .usual = 0.0,
                    .sd = 0.05,
                    .odds = kOfTheModelFile,
+                   .may_be_a_car = true,
                    .separated_by = "GPS",
                    .by = (simulation.errors(at_) - errors_) / kPart});
   }

@@ -20,6 +20,7 @@ struct PossibleMistake {
   double mean = 0.0;
   double odds = 1.0 / 49.0;  ///< that somebody made it, to that nobody made any
   bool positive = false;
+  bool may_be_a_car = false;                       ///< so that it may be noted, and never refused
   FindingCode code = FindingCode::sensor_differs;  ///< that says so
   std::string separated_by;
   Eigen::VectorXd by;  ///< derivative of the errors with respect to its size

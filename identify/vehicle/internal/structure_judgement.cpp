@@ -17,6 +17,7 @@ constexpr double kLargestShift = 0.2;       // of a parameter: what of it counts
 constexpr double kShareOfStructure = 0.25;  // of a variance: from there on it is the structure's
 constexpr double kMistaken = 5.0;           // standard deviations of the prior
 constexpr double kCertain = 0.8;            // the probability of a mistake that is taken as one
+constexpr double kEvident = 4.0 * 49.0;     // its evidence: that probability at odds of 1 to 49
 constexpr double kNoticed = 2.0;            // standard deviations from what the model takes
 constexpr double kDetermined = 0.7;         // of the prior's standard deviation
 
@@ -86,14 +87,17 @@ bool is_about(const Findings& findings, const std::string& name) {
 Findings check_suspected(const StructureStudy& study, const Findings& others) {
   Findings out;
   for (const SuspectedMistake& mistake : study.mistakes) {
-    if (!(mistake.probability > kCertain) || is_about(others, mistake.name)) continue;
-    Finding finding = make_finding(
-        mistake.code, {mistake.name},
-        fmt::format("the recording contradicts the model file: {} {:.2g} +- {:.1g}{}{}",
-                    mistake.name, mistake.size, mistake.sd, mistake.unit.empty() ? "" : " ",
-                    mistake.unit),
-        "known better by: " + mistake.separated_by);
+    if (!(mistake.probability > kCertain && mistake.evidence > kEvident)) continue;
+    if (is_about(others, mistake.name)) continue;
+    const std::string size = fmt::format("{} {:.2g} +- {:.1g}{}{}", mistake.name, mistake.size,
+                                         mistake.sd, mistake.unit.empty() ? "" : " ", mistake.unit);
+    const std::string text =
+        mistake.may_be_a_car ? size + " would explain the recording better; so may what the car has"
+                             : "the recording contradicts the model file: " + size;
+    Finding finding = make_finding(mistake.code, {mistake.name}, text,
+                                   "known better by: " + mistake.separated_by);
     if (std::abs(mistake.size) < mistake.gross) finding.severity = Severity::warning;
+    if (mistake.may_be_a_car) finding.severity = Severity::note;
     out.push_back(std::move(finding));
   }
   return out;
@@ -102,7 +106,10 @@ Findings check_suspected(const StructureStudy& study, const Findings& others) {
 /// A cause that no car has stands for something that the study does not have.
 Findings check_surprise(const StructureStudy& study, const Findings& others) {
   const StructureCause* cause = most_surprising(study);
-  if (cause == nullptr || !(surprise(*cause) > kUnheardOf) || !others.empty()) return {};
+  const bool said = std::any_of(others.begin(), others.end(), [](const Finding& finding) {
+    return finding.severity != Severity::note;
+  });
+  if (cause == nullptr || !(surprise(*cause) > kUnheardOf) || said) return {};
   return {make_finding(
       FindingCode::structure_dependent, {cause->name},
       fmt::format("the recording asks for {}, where cars and test equipment have {:.2g} +- {:.1g}: "

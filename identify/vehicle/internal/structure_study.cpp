@@ -377,7 +377,9 @@ class StructureSearch {
                              .size = said.size,
                              .sd = std::sqrt(said.variance),
                              .gross = kGross * std::max(mistake.sd, std::abs(mistake.mean)),
+                             .evidence = any / none,
                              .probability = mistake.odds * any / none,
+                             .may_be_a_car = mistake.may_be_a_car,
                              .code = mistake.code,
                              .separated_by = mistake.separated_by};
       all += found.probability;

@@ -27,7 +27,9 @@ struct SuspectedMistake {
   std::string name, unit;
   double size = 0.0, sd = 0.0;  ///< as the recording says
   double gross = 0.0;           ///< a size from where on derivatives lead no further
+  double evidence = 1.0;        ///< likelihood with it over that without
   double probability = 0.0;     ///< that somebody made it, beside that nobody made any
+  bool may_be_a_car = false;    ///< a car of another kind looks like it
   FindingCode code = FindingCode::sensor_differs;  ///< that says so
   std::string separated_by;
 };
