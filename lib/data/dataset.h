@@ -110,7 +110,8 @@ struct TimeRange {
 bool looks_like_time(const Column& column);
 
 /// The unit of such a column: its own where that is one of time, else the last word of the unit
-/// ("GPS ns") or of the name ("t_ms"); "s" where nothing says so.
+/// ("GPS ns") or of the name ("t_ms"), else what makes the first stamp a time between 1973 and 2286
+/// that counts from 1970; "s" where nothing says so.
 std::string time_unit(const Column& column);
 
 /// A column's values from the first one on, to the last digit that is written: of epoch times in ns doubles hold
