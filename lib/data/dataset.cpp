@@ -359,6 +359,14 @@ std::vector<std::string> words_in(const std::string& text) {
   return out;
 }
 
+// Between 1973 and 2286, counted from 1970.
+std::string epoch_unit(double stamp) {
+  for (const auto& [unit, second] : {std::pair{"ms", 1e3}, {"us", 1e6}, {"ns", 1e9}}) {
+    if (stamp >= 1e8 * second && stamp < 1e10 * second) return unit;
+  }
+  return "s";
+}
+
 bool is_time_unit(const std::string& text) {
   const std::optional<Unit> unit = parse_unit(text);
   return !text.empty() && unit && same_dimension(*unit, *parse_unit("s"));
@@ -372,14 +380,6 @@ bool looks_like_time(const Column& column) {
   if (words.front() == "t")
     return words.size() == 1 || (words.size() == 2 && is_time_unit(words[1]));
   return lower_case(column.name).find("time") != std::string::npos;
-}
-
-// Between 1973 and 2286, counted from 1970.
-std::string epoch_unit(double stamp) {
-  for (const auto& [unit, second] : {std::pair{"ms", 1e3}, {"us", 1e6}, {"ns", 1e9}}) {
-    if (stamp >= 1e8 * second && stamp < 1e10 * second) return unit;
-  }
-  return "s";
 }
 
 std::string time_unit(const Column& column) {
