@@ -30,7 +30,17 @@ double bytes_of(std::string_view text) {
   return unit == "GB" ? value * 1e9 : 0.0;
 }
 
-std::atomic<bool> ends{false};
+[[noreturn]] void say_and_end() {
+  // The first to fail says so; other threads wait for the end.
+  static std::atomic_flag ending = ATOMIC_FLAG_INIT;
+  while (ending.test_and_set()) pause();
+  remove_unfinished();
+  for (const std::string_view part : {std::string_view("identikal: "),
+                                      std::string_view(kNotEnoughMemory), std::string_view("\n")}) {
+    [[maybe_unused]] const auto written = write(STDERR_FILENO, part.data(), part.size());
+  }
+  _exit(5);
+}
 
 }  // namespace
 
@@ -49,25 +59,10 @@ void limit_memory(const std::string& size) {
   }
 }
 
-void end_without_memory() {
-  ends = true;
-  std::set_new_handler([] {
-    memory_has_failed();
-    throw std::bad_alloc();
-  });
-}
+void end_without_memory() { std::set_new_handler(say_and_end); }
 
 void memory_has_failed() noexcept {
-  if (!ends) return;
-  // The first to fail says so; other threads wait for the end.
-  static std::atomic_flag ending = ATOMIC_FLAG_INIT;
-  while (ending.test_and_set()) pause();
-  remove_unfinished();
-  for (const std::string_view part : {std::string_view("identikal: "),
-                                      std::string_view(kNotEnoughMemory), std::string_view("\n")}) {
-    [[maybe_unused]] const auto written = write(STDERR_FILENO, part.data(), part.size());
-  }
-  _exit(5);
+  if (const std::new_handler end = std::get_new_handler()) end();
 }
 
 }  // namespace identikal

@@ -18,7 +18,7 @@ void limit_memory(const std::string& size);
 /// be had is freed twice on its way out, and destructors of other libraries ask for memory.
 void end_without_memory();
 
-/// What a request for memory that has failed does then; else nothing. Asks for none.
+/// A request for memory has failed: what std::get_new_handler() does then, where there is one.
 void memory_has_failed() noexcept;
 
 }  // namespace identikal

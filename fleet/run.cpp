@@ -7,6 +7,7 @@
 #include <ctime>
 #include <deque>
 #include <iterator>
+#include <new>
 
 #include "fleet/internal/message.h"
 #include "fleet/internal/mpi_world.h"
@@ -20,7 +21,6 @@
 namespace identikal {
 namespace {
 
-using namespace std::string_literals;
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point begin) {
@@ -70,6 +70,11 @@ std::string time_text(double seconds) {
   if (seconds < 90.0) return fmt::format("{:.0f} s", seconds);
   if (seconds < 5400.0) return fmt::format("{:.0f} min", seconds / 60.0);
   return fmt::format("{:.1f} h", seconds / 3600.0);
+}
+
+std::string how_it_ended(const WorkerEvent& event) {
+  if (event.without_memory) return "not enough memory";
+  return event.signal != 0 ? fmt::format("signal {}", event.signal) : "without a signal";
 }
 
 class Coordinator {
@@ -170,7 +175,7 @@ class Coordinator {
         finish(w, std::get<DoneMessage>(std::move(answer)).result);
       }
     }
-    if (event.ended) bury(w, event.signal);
+    if (event.ended) bury(w, event);
   }
 
   void finish(std::size_t w, FleetResult result) {
@@ -198,8 +203,8 @@ class Coordinator {
   }
 
   // What it was at is tried again, and so is what it had before it.
-  void bury(std::size_t w, int signal) {
-    ++out_.died;
+  void bury(std::size_t w, const WorkerEvent& event) {
+    if (!event.without_memory) ++out_.died;
     std::deque<Task> left = std::move(queues_[w]);
     queues_[w].clear();
     frames_[w] = {};
@@ -207,26 +212,31 @@ class Coordinator {
     if (left.empty()) {
       if (++idle_deaths_ < 100) return;
       throw OutputError("the worker processes end before they get a recording; " +
-                        (signal != 0 ? fmt::format("signal {}", signal) : "without a signal"s));
+                        how_it_ended(event));
     }
     Task& first = left.front();
     ++first.deaths;
     first.assignment.first_part = static_cast<std::int64_t>(first.rows.size());
-    const bool late = signal == SIGALRM;
-    if (late || first.deaths > run_.retries) {
-      give_up(std::move(first), signal, late);
+    // More attempts would take as long and as much.
+    const bool at_once = event.signal == SIGALRM || event.without_memory;
+    if (at_once || first.deaths > run_.retries) {
+      give_up(std::move(first), event);
       left.pop_front();
     }
     left_.insert(left_.begin(), std::make_move_iterator(left.begin()),
                  std::make_move_iterator(left.end()));
   }
 
-  void give_up(Task task, int signal, bool late) {
-    const std::string why =
-        late ? fmt::format("took longer than {:g} s (--timeout)", run_.timeout)
-             : fmt::format("its process ended {} times ({})", task.deaths,
-                           signal != 0 ? fmt::format("signal {}", signal) : "without a signal");
-    task.rows.push_back(failed_row(5, why));
+  std::string why_given_up(const Task& task, const WorkerEvent& event) const {
+    if (event.without_memory) return "not enough memory";
+    if (event.signal == SIGALRM) {
+      return fmt::format("took longer than {:g} s (--timeout)", run_.timeout);
+    }
+    return fmt::format("its process ended {} times ({})", task.deaths, how_it_ended(event));
+  }
+
+  void give_up(Task task, const WorkerEvent& event) {
+    task.rows.push_back(failed_row(5, why_given_up(task, event)));
     task.again = true;
     // The next part may do better, unless the recording itself is too much.
     if (!task_.by.empty() && ++task.given_up < 3) {
@@ -322,6 +332,8 @@ FleetSummary run_fleet_by_mpi(FleetStore& store, const FleetRun& run) {
 }
 
 void work_as_rank(const FleetTask& task, const FleetRun& run) {
+  // Its end would be that of all ranks: a recording that is too large is given up by exception.
+  std::set_new_handler(nullptr);
   MpiWorld world;
   work_for_fleet(task, run.timeout, world.connection());
 }

@@ -5,6 +5,7 @@
 #include <csignal>
 #include <cstring>
 #include <memory>
+#include <new>
 #include <utility>
 
 #include "fleet/internal/message.h"
@@ -23,6 +24,7 @@ namespace identikal {
 namespace {
 
 constexpr std::size_t kPiece = 1 << 16;
+constexpr int kWithoutMemory = 5;  // the code that a worker ends with
 
 // The worker's end of the connection: frames come in, frames go out, both waited for.
 Connection connection_on(int file) {
@@ -66,7 +68,8 @@ class ProcessPool {
     for (Process& process : processes_) {
       if (process.id > 0) kill(process.id, SIGKILL);
     }
-    for (Process& process : processes_) end(process);
+    WorkerEvent unread;
+    for (Process& process : processes_) end(process, unread);
   }
   ProcessPool(const ProcessPool&) = delete;
   ProcessPool& operator=(const ProcessPool&) = delete;
@@ -123,6 +126,8 @@ class ProcessPool {
     std::signal(SIGINT, SIG_IGN);
     std::signal(SIGTERM, SIG_DFL);
     std::signal(SIGALRM, SIG_DFL);
+    // An exception would not do: see end_without_memory() of the program.
+    std::set_new_handler([] { _exit(kWithoutMemory); });
     for (const Process& other : processes_) {
       if (other.file >= 0) close(other.file);
     }
@@ -163,20 +168,20 @@ class ProcessPool {
       const bool none_now = count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
       if (none_now) return event;
       event.ended = true;
-      event.signal = end(process);
+      end(process, event);
       return event;
     }
   }
 
-  // The signal that has ended it, or 0.
-  static int end(Process& process) {
-    if (process.id < 0) return 0;
+  static void end(Process& process, WorkerEvent& event) {
+    if (process.id < 0) return;
     int status = 0;
     while (waitpid(process.id, &status, 0) < 0 && errno == EINTR) {
     }
     close(process.file);
     process = {};
-    return WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+    event.signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+    event.without_memory = WIFEXITED(status) && WEXITSTATUS(status) == kWithoutMemory;
   }
 
   std::function<void(const Connection&)> work_;

@@ -14,7 +14,8 @@ struct WorkerEvent {
   int worker = 0;
   std::string bytes;
   bool ended = false;
-  int signal = 0;  ///< that ended it; 0: none
+  int signal = 0;               ///< that ended it; 0: none
+  bool without_memory = false;  ///< it has ended because a request for memory failed
 };
 
 /// Workers as the coordinator sees them. What they hold lives as long as this.

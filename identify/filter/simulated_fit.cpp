@@ -89,19 +89,20 @@ bool start_fades(const Model& model, const ParameterSet& parameters, const Datas
 }
 
 // A model that holds leaves innovations there as it does here.
-Findings check_held_out(const FilterEstimate& estimate, const MatrixXd& standardised) {
+void check_held_out(FilterEstimate& estimate, const MatrixXd& standardised) {
   constexpr double kRare = 1e-3, kMatters = 1.1;
   const ChiSquareStatistic held = normalised_innovation_squared(standardised);
   const ChiSquareStatistic own = normalised_innovation_squared(estimate.series.standardised);
-  if (!(held.dof > 0.0 && own.dof > 0.0)) return {};
+  if (!(held.dof > 0.0 && own.dof > 0.0)) return;
   const double ratio = held.value / held.dof / (own.value / own.dof);
-  if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return {};
-  return {make_finding(
+  if (f_upper_tail(ratio, held.dof, own.dof) >= kRare || std::sqrt(ratio) < kMatters) return;
+  estimate.findings.push_back(make_finding(
       FindingCode::hold_out, {},
       fmt::format("on held-out rows the innovations are {:.3g} times as large, compared with "
                   "their standard deviation",
                   std::sqrt(ratio)),
-      "what holds there is another model or noise, or too many parameters are free: validate")};
+      "what holds there is another model or noise, or too many parameters are free: validate"));
+  estimate.derived.push_back({kCovarianceFactor + std::string("held-out rows"), "", ratio, kNone});
 }
 
 }  // namespace
@@ -194,7 +195,7 @@ void report_hold_out(FilterEstimate& estimate, const Model& model,
   }
   // It takes the errors as white.
   if (estimate.objective.method != kSimulationMethod) {
-    append(estimate.findings, check_held_out(estimate, standardised));
+    check_held_out(estimate, standardised);
   }
   estimate.hold_out = fits_of(outputs, y, y - simulated);
   const std::string why = why_no_simulation(model, end, held_out[0].recording, estimate.hold_out);

@@ -10,6 +10,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/filter/outliers.h"
 #include "identify/filter/report.h"
+#include "identify/filter/simulated_fit.h"
 #include "identify/model/check.h"
 #include "identify/noise/internal/extension_fit.h"
 
@@ -242,6 +243,10 @@ void judge_by_expected_errors(const YamlNode& root, const Model& given,
   const bool further = !errors.if_right.empty() && errors.if_right != kBulk;
   Finding found = make_finding(FindingCode::expected_errors, {}, in_words(errors),
                                further ? "--extend tries it on rows held out" : "");
+  if (!(errors.nees >= kSmallestNees && errors.nees <= kLargestNees)) {
+    estimate.derived.push_back(
+        {kCovarianceFactor + std::string("a likelier model"), "", errors.nees, kNone});
+  }
   if (is_small(errors)) {
     found.severity = Severity::note;
     for (Finding& finding : estimate.findings) {

@@ -13,6 +13,7 @@
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/reference_errors.h"
 #include "identify/filter/report.h"
+#include "identify/filter/simulated_fit.h"
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
@@ -348,12 +349,11 @@ void judge(Criterion& criterion, const BestOfStarts& found, NoiseEstimate& estim
 }
 
 // Is the filter's own variance that of its errors?
-Findings check_band(const NoiseEstimate& estimate) {
+void check_band(NoiseEstimate& estimate) {
   constexpr double kLeast = 0.5, kMost = 2.0;
-  Findings out;
   for (const ReferenceFit& fit : estimate.references) {
     if (fit.nees > kLeast && fit.nees < kMost) continue;
-    out.push_back(make_finding(
+    estimate.findings.push_back(make_finding(
         FindingCode::reference_band, {fit.name},
         fmt::format("the errors of {} are {:.2g} times what the filter says they are (NEES {:.3g}, "
                     "{:.0f} % in the 95 % band)",
@@ -361,8 +361,8 @@ Findings check_band(const NoiseEstimate& estimate) {
         fmt::format("multiply its variance by {:.3g} wherever it is used, or give the error that "
                     "lasts a state of its own",
                     fit.nees)));
+    estimate.derived.push_back({kCovarianceFactor + fit.name, "", fit.nees, kNone});
   }
-  return out;
 }
 
 }  // namespace
@@ -428,7 +428,7 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
   if (!found.best.summary.usable()) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.best.summary));
   report_filter(estimate, model, end, recordings);
-  append(estimate.findings, check_band(estimate));
+  check_band(estimate);
   conclude(estimate, "converged: no other noise brings the estimates closer to the references");
   return estimate;
 }

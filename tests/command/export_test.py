@@ -349,6 +349,27 @@ initial: stationary
         for format in ("cpp", "c", "matlab", "python", "yaml"):
             self.assertIn("SERIOUS: the measurement noise of 'level' was estimated as zero (r = 0)", self.exported(format, "--force"))
 
+    def test_a_covariance_that_held_out_rows_contradict(self):
+        """The second recording has noise of three times the variance, and the same gain."""
+        def level(name, size, seed):
+            chance, x, lines = random.Random(seed), 0.0, ["volume"]
+            for _ in range(2000):
+                x += size * chance.gauss(0, 1)
+                lines.append(f"{x + 2 * size * chance.gauss(0, 1):.6f}")
+            return self.folder.write(name, "\n".join(lines) + "\n")
+        fitted, larger = level("fitted.csv", 1.0, 1), level("larger.csv", math.sqrt(3.0), 2)
+        run("tune", NILE[0], fitted, "-o", self.out)
+        self.assertNotIn("covariance_factor", self.exported("json"))
+        out = result("tune", NILE[0], fitted, "--hold-out", larger, "-o", self.out)
+        factor, = [d["value"] for d in out["derived"] if d["name"] == "covariance factor by held-out rows"]
+        self.assertAlmostEqual(3.0, factor, delta=0.3)  # 3.2 standard deviations of a ratio of two variances
+        self.assertEqual(factor, json.loads(self.exported("json"))["covariance_factor"])
+        for language, line in (("cpp", "inline constexpr double covariance_factor = "), ("c", "static const double nile_filter_covariance_factor = "),
+                               ("matlab", "covariance_factor = "), ("python", "covariance_factor = ")):
+            text = self.exported(language)
+            self.assertIn(line + str(factor)[:6], text)
+            self.assertIn("on held-out rows the innovations are 1.7", text)
+
     def test_json_says_where_it_comes_from(self):
         data = self.folder.write("white.csv", "volume\n" + "".join(f"{random.Random(i).gauss(0, 1):.5f}\n" for i in range(200)))
         run("tune", NILE[0], data, "-o", self.out)

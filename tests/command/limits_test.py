@@ -1,4 +1,5 @@
 """Limits of memory, time and files: what is beyond them ends in one line, with what is known by then."""
+import csv
 import json
 import signal
 import subprocess
@@ -19,6 +20,17 @@ class TestMemory(unittest.TestCase):
             done = run("tune", long_search(folder)[2], data, "-o", folder.path / "out", "--memory-limit", "60 MB", code=5)
             self.assertEqual(done.stderr, "identikal: not enough memory; expected less data, or more memory for this job\n")
             self.assertFalse((folder.path / "out").exists())
+
+    def test_a_fleet_gives_up_what_is_too_large(self):
+        with Folder() as folder:
+            large = folder.write("large.csv", "level\n" + "".join(f"{k % 7}\n" for k in range(3_000_000)))
+            again = folder.write("nile_again.csv", (ROOT / "data/nile.csv").read_bytes())
+            done = run("fleet", "tune", NILE[0], NILE[1], large, again, "-o", folder.path / "store", "--workers", "1",
+                       "--memory-limit", "70 MB", code=3)
+            self.assertEqual(done.stderr, "")
+            rows = list(csv.DictReader(run("fleet", "export", folder.path / "store").stdout.splitlines()))
+            self.assertEqual([row["status"] for row in rows], ["ok", "failed", "ok"])
+            self.assertIn("not enough memory", rows[1]["message"])
 
     def test_enough_changes_nothing(self):
         self.assertEqual(run("tune", *NILE).stdout, run("tune", *NILE, "--memory-limit", "1 GB").stdout)

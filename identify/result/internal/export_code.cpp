@@ -15,6 +15,11 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
+constexpr const char* kCovarianceRemark =
+    "times P of the filter is the size of its errors: references, held-out rows or a likelier "
+    "model "
+    "contradict P";
+
 std::string exact(double value) { return number_code(value, CodeLanguage::c); }
 
 // A word that every language takes as a name once a suffix is added.
@@ -135,6 +140,10 @@ std::string c_header(const ExportContents& c, const std::string& model, const st
     out +=
         fmt::format("{} = {};  // sampling period [s]\n", constant("double", "dt"), exact(*c.dt));
   }
+  if (c.covariance_factor) {
+    out += fmt::format("{} = {};  // {}\n", constant("double", "covariance_factor"),
+                       exact(*c.covariance_factor), kCovarianceRemark);
+  }
   for (const NamedMatrix& m : c.matrices) {
     out += fmt::format("{}[{}][{}] = {{{}}};", constant("double", m.name), m.value.rows(),
                        m.value.cols(), rows_text(m.value, "{", ", ", "}")) +
@@ -164,6 +173,10 @@ std::string matlab_script(const ExportContents& c) {
                        m.unit, m.remark);
   }
   if (c.dt) out += fmt::format("dt = {};  % sampling period [s]\n", exact(*c.dt));
+  if (c.covariance_factor) {
+    out += fmt::format("covariance_factor = {};  % {}\n", exact(*c.covariance_factor),
+                       kCovarianceRemark);
+  }
   for (const NamedMatrix& m : c.matrices) {
     out +=
         fmt::format("{} = [{}];", m.name, rows_text(m.value, "", "; ", "")) + ending(m.remark, "%");
@@ -183,6 +196,10 @@ std::string python_script(const ExportContents& c) {
     out += "}\n";
   }
   if (c.dt) out += fmt::format("dt = {}  # sampling period [s]\n", exact(*c.dt));
+  if (c.covariance_factor) {
+    out += fmt::format("covariance_factor = {}  # {}\n", exact(*c.covariance_factor),
+                       kCovarianceRemark);
+  }
   for (const NamedMatrix& m : c.matrices) {
     out += fmt::format("{} = np.array([{}])", m.name, rows_text(m.value, "[", ", ", "]")) +
            ending(m.remark, "#");

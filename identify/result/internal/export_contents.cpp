@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/filter/simulated_fit.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_file.h"
 #include "identify/result/estimated_model.h"
@@ -119,6 +120,17 @@ void add_formulas(ExportContents& to, const StoredResult& result) {
   if (!to.inputs.empty()) to.lines.push_back("inputs u: " + channel_list(to.inputs));
 }
 
+// Of those that were found, the one that changes most.
+std::optional<double> covariance_factor(const StoredEstimate& e) {
+  std::optional<double> out;
+  for (const DerivedValue& derived : e.derived) {
+    if (!derived.name.starts_with(kCovarianceFactor) || !(derived.value > 0.0)) continue;
+    const bool more = !out || std::abs(std::log(derived.value)) > std::abs(std::log(*out));
+    if (more && std::isfinite(derived.value)) out = derived.value;
+  }
+  return out;
+}
+
 // A file may have been edited.
 void check_filter(const StoredResult& result) {
   StateSpace model = result.estimate.filter->model;
@@ -224,6 +236,7 @@ ExportContents export_contents(const StoredResult& result) {
       add_formulas(out, result);
       break;
   }
+  if (export_kind(e) != ExportKind::vehicle) out.covariance_factor = covariance_factor(e);
   std::erase_if(out.matrices, [](const NamedMatrix& m) { return m.value.size() == 0; });
   if (const std::string name = missing_number(out); !name.empty()) {
     throw InputError({result.path, 0, 0}, fmt::format("a number of '{}' is missing", name),

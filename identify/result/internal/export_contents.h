@@ -41,6 +41,8 @@ struct ExportContents {
   std::vector<std::string> lines;   // what a reader has to know
   std::optional<Model> program;     // whose filter is exported as functions
   double integration_step = kNone;  // [s]; not finite: one step from sample to sample
+  // Times P is what the states' errors are, where something contradicts P.
+  std::optional<double> covariance_factor;
 };
 
 /// @throws InputError when the result holds nothing to export, or lacks a number of it

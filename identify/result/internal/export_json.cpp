@@ -76,6 +76,7 @@ std::string export_json(const StoredResult& result, const ExportContents& c,
     }
   }
   if (c.dt) out["dt"] = *c.dt;
+  if (c.covariance_factor) out["covariance_factor"] = *c.covariance_factor;
   if (!c.Q_kind.empty()) out["Q_kind"] = c.Q_kind;
   for (const NamedMatrix& m : c.matrices) {
     ExportJson rows = ExportJson::array();
