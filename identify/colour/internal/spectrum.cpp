@@ -4,6 +4,7 @@
 #include <cmath>
 #include <complex>
 #include <memory>
+#include <numbers>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -46,37 +47,33 @@ class SpectralFit {
             stable_polynomial(x.segment(at + structure_.order, structure_.zeros()), Jb)};
   }
 
-  // Whittle's log-likelihood, its gradient and Fisher information.
+  // Whittle's log-likelihood, its gradient and Fisher information. Of the spectrum S = L L* only
+  // L^-1 dS L^-* has a part in both, as ny^2 real numbers: rows of J.
   bool evaluate(const VectorXd& x, double& L, VectorXd* gradient, MatrixXd* information) const {
+    const Index bins = data_.measured.omega.size(), entries = ny_ * ny_;
     const bool derivatives = gradient != nullptr;
-    const Index k = unknowns();
     const Coefficients at = coefficients(x);
+    MatrixXd J(derivatives ? bins * entries : 0, unknowns());
+    VectorXd misfit(J.rows());
+    AtFrequency model;
     L = 0.0;
-    if (gradient != nullptr) gradient->setZero(k);
-    if (information != nullptr) information->setZero(k, k);
-    for (Index f = 0; f < data_.measured.omega.size(); ++f) {
-      const AtFrequency model = spectrum_at(at, f, derivatives);
-      const Eigen::LLT<MatrixXcd> factor(model.S);
-      if (factor.info() != Eigen::Success || !model.S.allFinite()) return false;
+    for (Index f = 0; f < bins; ++f) {
+      set_spectrum(at, f, derivatives, model);
+      model.factor.compute(model.S);
+      if (model.factor.info() != Eigen::Success || !model.S.allFinite()) return false;
+      whiten_misfit(f, model);
       const double weight = data_.measured.weight[f];
-      const MatrixXcd inverse = factor.solve(MatrixXcd::Identity(ny_, ny_));
-      const MatrixXcd whitened = inverse * data_.measured.S[f];
       double log_det = 0.0;
-      for (Index i = 0; i < ny_; ++i) log_det += 2.0 * std::log(factor.matrixLLT()(i, i).real());
-      L -= weight * (log_det + whitened.trace().real());
-      if (!derivatives) continue;
-      const MatrixXcd left = MatrixXcd::Identity(ny_, ny_) - whitened;
-      std::vector<MatrixXcd> solved;
-      for (const MatrixXcd& dS : spectrum_derivatives(at, model, f)) {
-        solved.push_back(inverse * dS);
-        (*gradient)[static_cast<Index>(solved.size()) - 1] -=
-            weight * (solved.back() * left).trace().real();
+      for (Index i = 0; i < ny_; ++i) {
+        log_det += 2.0 * std::log(model.factor.matrixLLT()(i, i).real());
       }
-      if (information != nullptr) add_information(solved, weight, *information);
+      L -= weight * (log_det + static_cast<double>(ny_) - model.misfit.trace().real());
+      if (!derivatives) continue;
+      pack(model.misfit, std::sqrt(weight), misfit.segment(f * entries, entries));
+      set_derivatives(at, f, std::sqrt(weight), model, J.middleRows(f * entries, entries));
     }
-    if (information != nullptr) {
-      *information = MatrixXd(information->selfadjointView<Eigen::Lower>());
-    }
+    if (derivatives) *gradient = -J.transpose() * misfit;
+    if (derivatives && information != nullptr) *information = J.transpose() * J;
     return std::isfinite(L);
   }
 
@@ -95,6 +92,8 @@ class SpectralFit {
     std::vector<VectorXcd> dH;  // by its polynomials
     MatrixXcd W, WQ, VR;        // W: what w, each with its filter, does to the innovations
     MatrixXcd S;
+    Eigen::LLT<MatrixXcd> factor;  // S = L L*
+    MatrixXcd misfit;              // I - L^-1 measured L^-*
   };
 
   Coefficients coefficients(const VectorXd& x) const {
@@ -117,13 +116,12 @@ class SpectralFit {
     return out;
   }
 
-  AtFrequency spectrum_at(const Coefficients& at, Index f, bool derivatives) const {
+  void set_spectrum(const Coefficients& at, Index f, bool derivatives, AtFrequency& out) const {
     const auto channels = static_cast<Index>(structure_.channels.size());
-    AtFrequency out;
     out.H.resize(channels);
     out.dH.resize(structure_.channels.size());
     for (std::size_t c = 0; c < at.filters.size(); ++c) {
-      out.H[c] =
+      out.H[static_cast<Index>(c)] =
           response(at.filters[c], data_.measured.omega[f], derivatives ? &out.dH[c] : nullptr);
     }
     const bool process = structure_.source == NoiseSource::process;
@@ -132,47 +130,84 @@ class SpectralFit {
     for (Index c = 0; process && c < channels; ++c) {
       out.W.col(structure_.channels[c]) *= out.H[c];
     }
-    out.WQ = out.W * at.Q + V * at.S.transpose();
-    out.VR = V * at.R + out.W * at.S;
-    out.S = out.WQ * out.W.adjoint() + out.VR * V.adjoint();
-    for (Index c = 0; !process && c < channels; ++c) {
-      const VectorXcd v = V.col(structure_.channels[c]);
-      out.S += at.own_variance[c] * std::norm(out.H[c]) * v * v.adjoint();
+    out.WQ = out.W.lazyProduct(at.Q);
+    out.VR = V.lazyProduct(at.R);
+    if (!at.S.isZero(0.0)) {
+      out.WQ += V.lazyProduct(at.S.transpose());
+      out.VR += out.W.lazyProduct(at.S);
     }
-    return out;
+    out.S = out.WQ.lazyProduct(out.W.adjoint());
+    out.S += out.VR.lazyProduct(V.adjoint());
+    for (Index c = 0; !process && c < channels; ++c) {
+      const auto v = V.col(structure_.channels[c]);
+      out.S += (at.own_variance[c] * std::norm(out.H[c]) * v).lazyProduct(v.adjoint());
+    }
   }
 
-  // Of the spectrum by every coordinate.
-  std::vector<MatrixXcd> spectrum_derivatives(const Coefficients& at, const AtFrequency& model,
-                                              Index f) const {
-    const auto twice = [](const MatrixXcd& half) { return MatrixXcd(half + half.adjoint()); };
-    const MatrixXcd& V = data_.T_V[f];
-    std::vector<MatrixXcd> out;
-    for (Index i = 0; i < nw_; ++i) {
-      out.push_back(twice(0.5 * model.WQ.col(i) * model.W.col(i).adjoint()));
-    }
+  // x <- L^-1 x
+  template <typename Vectors>
+  void whiten(const AtFrequency& model, Vectors&& x) const {
+    const MatrixXcd& L = model.factor.matrixLLT();
     for (Index i = 0; i < ny_; ++i) {
-      out.push_back(twice(0.5 * model.VR.col(i) * V.col(i).adjoint()));
+      for (Index j = 0; j < i; ++j) x.row(i) -= L(i, j) * x.row(j);
+      x.row(i) /= L(i, i).real();
     }
+  }
+
+  void whiten_misfit(Index f, AtFrequency& out) const {
+    out.misfit = data_.measured.S[f];
+    whiten(out, out.misfit);
+    out.misfit.adjointInPlace();
+    whiten(out, out.misfit);
+    out.misfit = MatrixXcd::Identity(ny_, ny_) - out.misfit;
+  }
+
+  // Of a Hermitian matrix: real numbers whose scalar product is the trace of the product.
+  template <typename Out>
+  void pack(const MatrixXcd& M, double factor, Out&& to) const {
+    Index n = 0;
+    for (Index j = 0; j < ny_; ++j) {
+      to[n++] = factor * M(j, j).real();
+      for (Index i = j + 1; i < ny_; ++i) {
+        to[n++] = factor * std::numbers::sqrt2 * M(i, j).real();
+        to[n++] = factor * std::numbers::sqrt2 * M(i, j).imag();
+      }
+    }
+  }
+
+  // Of the spectrum by every coordinate. Overwrites what the model's spectrum is made of.
+  void set_derivatives(const Coefficients& at, Index f, double factor, AtFrequency& model,
+                       Eigen::Ref<MatrixXd> to) const {
+    MatrixXcd V = data_.T_V[f], T_G = data_.T_G[f], M(ny_, ny_);
+    for (MatrixXcd* vectors : {&model.W, &model.WQ, &model.VR, &V, &T_G}) whiten(model, *vectors);
+    Index column = 0;
+    const auto add_symmetric = [&](const auto& u, const auto& v, double scale) {
+      M = u.lazyProduct(v.adjoint());
+      M = (M + M.adjoint()).eval();
+      pack(M, 0.5 * scale, to.col(column++));
+    };
+    for (Index i = 0; i < nw_; ++i) add_symmetric(model.WQ.col(i), model.W.col(i), factor);
+    for (Index i = 0; i < ny_; ++i) add_symmetric(model.VR.col(i), V.col(i), factor);
     for (std::size_t c = 0; c < at.filters.size(); ++c) {
       const Index channel = structure_.channels[c];
       const VectorXcd dzeta = response_derivatives(at, model, c);
       if (structure_.source == NoiseSource::process) {
-        // WQ already holds this channel's H; what changes is its column of W.
-        const MatrixXcd& T_G = data_.T_G[f];
-        const MatrixXcd base = model.WQ.col(channel) * T_G.col(channel).adjoint();
-        for (const std::complex<double>& d : dzeta) out.push_back(twice(std::conj(d) * base));
+        // WQ already holds this channel's H; what changes is its column of W: d* base + d base*.
+        const MatrixXcd base = model.WQ.col(channel).lazyProduct(T_G.col(channel).adjoint());
+        for (const std::complex<double>& d : dzeta) {
+          M = std::conj(d) * base + d * base.adjoint();
+          pack(M, factor, to.col(column++));
+        }
         continue;
       }
-      const std::complex<double> h = model.H[c];
-      const VectorXcd v = V.col(channel);
-      const MatrixXcd base = at.own_variance[c] * v * v.adjoint();
-      out.push_back(std::norm(h) * base);
+      const std::complex<double> h = model.H[static_cast<Index>(c)];
+      M = V.col(channel).lazyProduct(V.col(channel).adjoint());
+      const double scale = factor * at.own_variance[static_cast<Index>(c)];
+      pack(M, scale * std::norm(h), to.col(column++));
       for (const std::complex<double>& d : dzeta) {
-        out.push_back(2.0 * (std::conj(h) * d).real() * base);
+        pack(M, scale * 2.0 * (std::conj(h) * d).real(), to.col(column++));
       }
     }
-    return out;
   }
 
   // Of a filter's response by zeta of its poles, then of its zeros.
@@ -183,17 +218,6 @@ class SpectralFit {
     out.head(order) = at.Ja[c].transpose().cast<std::complex<double>>() * model.dH[c].head(order);
     out.tail(zeros) = at.Jb[c].transpose().cast<std::complex<double>>() * model.dH[c].tail(zeros);
     return out;
-  }
-
-  // The lower half. @param solved  S^-1 dS by every coordinate
-  static void add_information(const std::vector<MatrixXcd>& solved, double weight,
-                              MatrixXd& information) {
-    for (std::size_t i = 0; i < solved.size(); ++i) {
-      for (std::size_t j = 0; j <= i; ++j) {
-        information(static_cast<Index>(i), static_cast<Index>(j)) +=
-            weight * (solved[i].transpose().cwiseProduct(solved[j]).sum().real());
-      }
-    }
   }
 
   const InnovationSpectrum& data_;
