@@ -1,6 +1,7 @@
 #include "interface/json_options.h"
 
 #include <algorithm>
+#include <string_view>
 #include <vector>
 
 #include <fmt/format.h>
@@ -15,10 +16,11 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // "hold-out" of "--hold-out", "output" of "-o,--output"; empty: a program cannot set it.
-std::string key_of(const Option& option) {
-  const bool of_a_terminal = option.names == "--json" || option.names == "--quiet";
+std::string_view key_of(const Option& option) {
+  const std::string_view names = option.names;
+  const bool of_a_terminal = names == "--json" || names == "--quiet";
   if (option.is_argument() || !option.now.empty() || of_a_terminal) return "";
-  return option.called().substr(2);
+  return names.substr(names.rfind(',') + 1).substr(2);
 }
 
 std::string text_of(const Json& value) {
@@ -46,6 +48,7 @@ void take_value(const Option& option, const std::string& key, const Json& value)
 }  // namespace
 
 void take_json_options(const Verb& verb, const std::string& text) {
+  if (text == "{}") return;
   Json given;
   try {
     given = Json::parse(text);
@@ -67,7 +70,7 @@ void take_json_options(const Verb& verb, const std::string& text) {
     if (option == verb.options.end()) {
       std::vector<std::string> names;
       for (const Option& each : verb.options) {
-        if (!key_of(each).empty()) names.push_back(key_of(each));
+        if (!key_of(each).empty()) names.emplace_back(key_of(each));
       }
       throw InputError({}, fmt::format("unknown option '{}' of '{}'", key, verb.name), "",
                        did_you_mean(key, names));

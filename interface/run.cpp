@@ -4,7 +4,10 @@
 #include <exception>
 #include <memory>
 #include <new>
+#include <optional>
 #include <stdexcept>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "interface/json_options.h"
@@ -254,8 +257,49 @@ void ask_for_json(const Verb& verb) {
   }
 }
 
+// A verb, and the values of its options before any is taken.
+class ReadyVerb {
+ public:
+  explicit ReadyVerb(const std::string& name) : verb_(verb_called(name)()) {
+    for (const Option& option : verb_.options) {
+      defaults_.push_back(
+          std::visit([](const auto* value) { return OptionValue(*value); }, option.value));
+    }
+  }
+  const Verb& verb() const { return verb_; }
+  void reset() {
+    for (std::size_t i = 0; i < defaults_.size(); ++i) {
+      std::visit(
+          [&](auto* value) {
+            *value = std::get<std::remove_pointer_t<decltype(value)>>(defaults_[i]);
+          },
+          verb_.options[i].value);
+    }
+  }
+
+ private:
+  using OptionValue = std::variant<bool, std::int64_t, std::string, std::vector<std::string>>;
+  Verb verb_;
+  std::vector<OptionValue> defaults_;
+};
+
+// The one that this thread used last: to say what all of its options are takes a tenth of a short
+// fit. It is nobody's while it is used: a job may call another one as it reports progress.
+std::optional<ReadyVerb>& last_verb() {
+  thread_local std::optional<ReadyVerb> verb;
+  return verb;
+}
+
+ReadyVerb take_verb(const std::string& name) {
+  std::optional<ReadyVerb> known = std::exchange(last_verb(), std::nullopt);
+  if (!known || known->verb().name != name) return ReadyVerb(name);
+  known->reset();
+  return *std::move(known);
+}
+
 Outcome run_verb(const ik_result& result, bool wants_page, const Progress& progress) {
-  const Verb verb = verb_called(result.verb)();
+  ReadyVerb ready = take_verb(result.verb);
+  const Verb& verb = ready.verb();
   take_arguments(verb, result);
   ask_for_json(verb);
   take_json_options(verb, result.options);
@@ -265,7 +309,9 @@ Outcome run_verb(const ik_result& result, bool wants_page, const Progress& progr
   call.wants_series = true;
   call.wants_text = false;
   call.progress = progress;
-  return verb.run(call);
+  Outcome out = verb.run(call);
+  last_verb() = std::move(ready);
+  return out;
 }
 
 Progress progress_of(const ik_callbacks* callbacks) {

@@ -2,6 +2,7 @@
 #include "python/result.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -50,13 +51,18 @@ py::tuple run_verb(const std::string& verb,
 }
 
 // name, value, se, interval, error bound, unit, verdict, start, fixed, bounds
-py::object parameter_rows(const ik_result& result) {
+// @param nan  one for all, so that equal results are equal
+py::object parameter_rows(const ik_result& result, const py::object& nan) {
   if (!result.outcome.estimate) return py::none();
+  const auto number = [&](double x) { return std::isnan(x) ? nan : py::float_(x); };
+  const auto pair = [&](const std::array<double, 2>& x) {
+    return py::make_tuple(number(x[0]), number(x[1]));
+  };
   py::list out;
   for (const EstimatedParameter& p : result.outcome.estimate->parameters) {
-    out.append(py::make_tuple(p.name, p.value, p.se, py::make_tuple(p.ci95[0], p.ci95[1]), p.crb_se,
-                              p.unit, to_string(p.verdict), p.start, p.fixed,
-                              py::make_tuple(p.bounds[0], p.bounds[1])));
+    out.append(py::make_tuple(p.name, number(p.value), number(p.se), pair(p.ci95), number(p.crb_se),
+                              p.unit, to_string(p.verdict), number(p.start), p.fixed,
+                              pair(p.bounds)));
   }
   return out;
 }

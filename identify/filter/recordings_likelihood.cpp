@@ -431,6 +431,14 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
   return all.status == FilterStatus::ok ? out : MatrixXd();
 }
 
+bool RecordingsLikelihood::is_cheap() const {
+  constexpr double kFew = 4000.0;  // products of the recursion's matrices by a vector
+  if (evaluation_taken().method == EvaluationMethod::autocovariances) return true;
+  if (!is_linear(model_)) return false;
+  const auto size = static_cast<double>(noise_model(model_).A.constant.rows() + 1);
+  return samples() * size * size < kFew;
+}
+
 double RecordingsLikelihood::samples() const {
   if (digests_ != nullptr) {
     double out = 0.0;

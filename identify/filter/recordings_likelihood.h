@@ -109,6 +109,10 @@ class RecordingsLikelihood {
 
   const EvaluationTaken& evaluation_taken() const { return engine_.evaluation_taken(); }
 
+  /// Is a search over before further threads would have begun? By sums over the recordings, and of
+  /// small models and few samples.
+  bool is_cheap() const;
+
  private:
   // One recording by itself, where parameters have values of their own in some
   // (identify/model/own_parameters.h).

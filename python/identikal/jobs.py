@@ -164,9 +164,12 @@ def _run(verb, model, data, of_recording, previous, options, progress, warn, lev
         previous, model = [model], model.model
     models = [] if model is None else [_model(each) for each in (model if isinstance(model, list) else [model])]
     given, files = recordings(data, *of_recording)
-    with showing(progress) as shown:
-        raw, stopped = _identikal.run(verb, [each._given() for each in models], given, files,
-                                      [each._raw for each in previous], _options(options), shown)
+    arguments = verb, [each._given() for each in models], given, files, [each._raw for each in previous], _options(options)
+    if progress is None:
+        raw, stopped = _identikal.run(*arguments, None)
+    else:
+        with showing(progress) as shown:
+            raw, stopped = _identikal.run(*arguments, shown)
     return _concluded(raw, stopped, models[0] if models else None, warn, level)
 
 

@@ -103,10 +103,10 @@ class Result:
     def params(self):
         """Parameter by name: value, se, interval, bound_se, unit, verdict."""
         if "params" not in self._cache:
-            given = self._raw.parameters()
+            given = self._raw.parameters(np.nan)
             if given is None:
                 given = map(_stored_parameter, self.document.get("parameters", []))
-            self._cache["params"] = Parameters((each[0], Parameter(*map(_same_nan, each))) for each in given)
+            self._cache["params"] = Parameters((each[0], Parameter._make(each)) for each in given)
         return self._cache["params"]
 
     @property
@@ -304,16 +304,9 @@ class Result:
         self.__init__(_identikal.restored(state["raw"]), state["model"])
 
 
-def _same_nan(value):
-    """One NaN for all, so that equal results are equal."""
-    if isinstance(value, tuple):
-        return tuple(map(_same_nan, value))
-    return np.nan if value != value else value
-
-
 def _stored_parameter(p):
     def number(value):
-        return float("nan") if value is None else value
+        return np.nan if value is None else value
     low, high = p["bounds"]
     return (p["name"], number(p["value"]), number(p["se"]), tuple(map(number, p["ci95"] or (None, None))),
             number(p["crb_se"]), p["unit"], p["verdict"], number(p["start"]), p["fixed"],

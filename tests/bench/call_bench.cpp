@@ -51,26 +51,33 @@ int main(int argc, char** argv) {
   recording.y = y.data();
   recording.rows = y.size();
   recording.ny = 1;
-  const auto through_c = [&] {
-    ik_result* result = nullptr;
-    ik_run("tune", text.c_str(), &recording, 1, nullptr, 0, R"({"starts": 1})", nullptr, &result);
-    ik_result_free(result);
-  };
   const identikal::Model model = identikal::parse_model_file(text, "model");
   const std::vector<identikal::Dataset> data = {identikal::recording(model, y, 1.0)};
-  identikal::NoiseMlOptions options;
-  options.starts = 1;
-  options.pictures = false;
-  const auto directly = [&] { identikal::tune_ml(model, data, options); };
-
-  // One after the other, so that both meet the machine as it is; the difference of two such neighbours.
-  std::vector<double> c, fit, beside;
-  for (int i = 0; i < calls; ++i) {
-    c.push_back(time_of(through_c));
-    fit.push_back(time_of(directly));
-    beside.push_back(c.back() - fit.back());
+  for (const bool profiles : {true, false}) {
+    const auto through_c = [&] {
+      ik_result* result = nullptr;
+      ik_run("tune", text.c_str(), &recording, 1, nullptr, 0,
+             profiles ? R"({"starts": 1})" : R"({"starts": 1, "no-profiles": true})", nullptr,
+             &result);
+      ik_result_free(result);
+    };
+    identikal::NoiseMlOptions options;
+    options.starts = 1;
+    options.pictures = false;
+    options.profiles = profiles;
+    const auto directly = [&] { identikal::tune_ml(model, data, options); };
+    // One after the other, so that both meet the machine as it is; the difference of two such
+    // neighbours.
+    std::vector<double> c, fit, beside;
+    for (int i = 0; i < calls; ++i) {
+      c.push_back(time_of(through_c));
+      fit.push_back(time_of(directly));
+      beside.push_back(c.back() - fit.back());
+    }
+    std::printf(
+        "tune of %zu samples, %s profiles: ik_run %.0f us, tune_ml %.0f us, beside the fit %.0f "
+        "us\n",
+        y.size(), profiles ? "with" : "without", median(c), median(fit), median(beside));
   }
-  std::printf("tune of %zu samples: ik_run %.0f us, tune_ml %.0f us, beside the fit %.0f us\n",
-              y.size(), median(c), median(fit), median(beside));
   return 0;
 }

@@ -187,7 +187,6 @@ bool is_worth_it(const ProfiledParameter& parameter, const ProfiledMaximum& at) 
 }
 
 // Calls task(number, what goes out from the maximum with the coordinate of that entry held).
-// Evaluations from sums over the recordings are too cheap to be shared out.
 void for_each_profile(const std::vector<Index>& entries, const ProfiledMaximum& at,
                       const std::function<void(int task, const Profiled& of)>& task) {
   if (entries.empty()) return;
@@ -219,7 +218,7 @@ void for_each_profile(const std::vector<Index>& entries, const ProfiledMaximum& 
                at.factors.coordinate_of(entry)});
     }
   };
-  const bool cheap = by_sums(at);
+  const bool cheap = at.likelihood.is_cheap();
   in_parallel(static_cast<int>(entries.size()), cheap ? 1 : at.threads, [&](int k) {
     if (cheap) {
       run(k, at.likelihood.problem());

@@ -337,8 +337,7 @@ void run_others(Searches& searches, RecordingsLikelihood& likelihood,
   const std::optional<Point> known =
       first.summary.usable() ? point_at(problem, first.x) : std::nullopt;
   const auto others = static_cast<int>(all.size() - from);
-  // Sums over the recordings make evaluations too cheap to be shared out.
-  const bool cheap = likelihood.evaluation_taken().method == EvaluationMethod::autocovariances;
+  const bool cheap = likelihood.is_cheap();
   in_parallel(others, cheap ? 1 : threads, [&](int i) {
     if (searches.stopped()) return;
     const auto start = static_cast<int>(from) + i;
