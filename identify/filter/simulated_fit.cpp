@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
+#include "identify/estimate/covariance_factor.h"
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/channel_fit.h"

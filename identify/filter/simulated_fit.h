@@ -42,10 +42,6 @@ std::string why_no_simulation(const Model& model, const ParameterSet& parameters
 void report_simulation(FilterEstimate& estimate, const Model& model, const ParameterSet& parameters,
                        const std::vector<Dataset>& recordings);
 
-/// Derived values of this name, and of what a filter's own covariance P is contradicted by: times P
-/// is the size of the errors.
-constexpr const char* kCovarianceFactor = "covariance factor by ";
-
 /// Rows from `from` on were not fitted to; those before were.
 struct HeldOut {
   Dataset recording;

@@ -6,11 +6,11 @@
 
 #include <fmt/format.h>
 
+#include "identify/estimate/covariance_factor.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/outliers.h"
 #include "identify/filter/report.h"
-#include "identify/filter/simulated_fit.h"
 #include "identify/model/check.h"
 #include "identify/noise/internal/extension_fit.h"
 

@@ -8,12 +8,12 @@
 #include <Eigen/QR>
 #include <fmt/format.h>
 
+#include "identify/estimate/covariance_factor.h"
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/reference_errors.h"
 #include "identify/filter/report.h"
-#include "identify/filter/simulated_fit.h"
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"

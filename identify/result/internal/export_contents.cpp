@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "identify/filter/simulated_fit.h"
+#include "identify/estimate/covariance_factor.h"
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_file.h"
 #include "identify/result/estimated_model.h"
