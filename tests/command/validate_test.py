@@ -1,6 +1,7 @@
 """validate: results on other data."""
 import csv
 import json
+import os
 import pathlib
 import random
 import unittest
@@ -114,7 +115,9 @@ class Validate(unittest.TestCase):
         result("validate", self.out, self.folder.path / "simulated.csv", "--fit", "50%")
 
     def test_the_right_car_is_not_blamed(self):
-        """5 % of right cars fail at most, with white noise and with noise correlated over 0.2 s: of 60, more than 9 would with 7e-4."""
+        """5 % of right cars fail at most, with white noise and with noise correlated over 0.2 s: of 60, more than 9 would with 7e-4, of 20 more
+        than 5 with 3e-4. CARS=60 is the long one."""
+        cars, most_alarms, least_found = (60, 9, 57) if os.environ.get("CARS") == "60" else (20, 5, 18)
         truth = ("--set", "Cr=88107.7", "--set", "Iz=2319")
         random.seed(1)
 
@@ -137,16 +140,16 @@ class Validate(unittest.TestCase):
 
         for coloured in (False, True):
             alarms = blamed = found = 0
-            for seed in range(60):
+            for seed in range(cars):
                 run("fit", LANE_CHANGE[0], simulated("severe-lane-change", seed, coloured), "--starts", 1, "-o", self.out)
                 data = simulated("sweep", 5000 + seed, coloured, "--duration", "20s")
                 out = json.loads(run("validate", self.out, data, "--json").stdout)
                 alarms += not next(t for t in out["tests"] if t["id"] == "refit")["pass"]
                 blamed += out["status"]["exit"]
                 found += run("validate", self.out, simulated("sweep", 5000 + seed, coloured, "--duration", "20s", Cf=70486)).returncode
-            print(f"validate of cars, {'coloured' if coloured else 'white'} noise: {alarms} of 60 refits false alarms at 5 %, {blamed} cars blamed; Cf 20 % lower is found in {found} of 60")
-            self.assertLessEqual(alarms, 9)
-            self.assertGreaterEqual(found, 57)
+            print(f"validate of cars, {'coloured' if coloured else 'white'} noise: {alarms} of {cars} refits false alarms at 5 %, {blamed} cars blamed; Cf 20 % lower is found in {found} of {cars}")
+            self.assertLessEqual(alarms, most_alarms)
+            self.assertGreaterEqual(found, least_found)
 
     def test_rows_are_recorded(self):
         for text, wanted in (("", [None, None]), ("10:60", [10, 60]), (":1min", [None, 60])):
