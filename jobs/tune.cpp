@@ -341,10 +341,14 @@ Outcome tune(const TuneOptions& options, Call& call) {
     if (options.purpose == kEstimates) return by_references(options, of, recordings, run);
     NoiseEstimate out = method_of(options).run(options, of, recordings, run);
     if (weighs_further_parts(options, of) && innovations_contradict(out)) {
-      report_progress(run.call, "trying further parts of the model");
       const std::string& path = options.model.file;
       const YamlNode root = with_components(call.inputs.model_tree(path));
-      judge_by_expected_errors(root, of, recordings, out);
+      ExpectedErrorsOptions further;
+      further.threads = static_cast<int>(options.search.threads);
+      further.progress = [&run](const ModelExtension& extension) {
+        return report_progress(run.call, "trying " + in_words(extension));
+      };
+      judge_by_expected_errors(root, of, recordings, out, further);
     }
     return out;
   };
@@ -392,8 +396,9 @@ Verb tune_verb() {
              "degrees of freedom, compared with normal noise on rows held out; -o writes that "
              "model as student.yaml.");
   add_flag(verb, "--extend", options->extend,
-           "Try biases and lasting errors of the sensors, and further process noise, on rows held "
-           "out, and adopt what predicts better; -o writes that model as extended.yaml.");
+           "Try biases and lasting errors of the sensors, further process noise, and noise that "
+           "changes where the innovations' size does, on rows held out, and adopt what predicts "
+           "better; -o writes that model as extended.yaml.");
   add_number(verb, "--lags", options->lags, 0, 1000,
              "als: Use this many autocovariances; 0 stands for as many as are informative.");
   add_number(verb, "--draws", options->draws, 10, 1000000,

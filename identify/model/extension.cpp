@@ -166,6 +166,40 @@ void add_bias(YamlNode& model, const std::string& output) {
   add_to_output(model, output, name);
 }
 
+// The variances of these names times a ratio, from a time on.
+// @param of  "measurement" or "process", which is the name of its parameters where `about` is empty
+void change_noise(YamlNode& model, const char* of, const std::vector<std::string>& names,
+                  const std::string& about, double ratio, double from) {
+  const YamlNode* states = find(model, "states");
+  const bool with_units = states != nullptr && states->kind == Kind::mapping;
+  const std::string change = unused(model, "change_" + about),
+                    factor = unused(model, "ratio_" + about);
+  append(value_at(model, "parameters"), change,
+         yaml_scalar(fmt::format("{:.12g}{}", from, with_units ? " s" : "")));
+  add_parameter(model, factor, ratio, "", 0.0);
+  YamlNode& noise = named_part(value_at(model, "noise"), of, "noise");
+  const bool as_sd = find(noise, "sd") != nullptr;
+  YamlNode& sizes = named_part(noise, as_sd ? "sd" : "variance", "noise by names, its");
+  const std::string times = fmt::format("if(t < {}, 1, {})", change, factor);
+  for (const std::string& name : names) {
+    YamlNode& size = named_part(sizes, name, "noise of");
+    size =
+        yaml_scalar(fmt::format("({})*{}", size.text, as_sd ? "sqrt(" + times + ")" : times), size);
+  }
+}
+
+// States, or outputs, whose noise has a size of its own.
+std::vector<std::string> names_with_noise(const YamlNode& model, const char* of) {
+  std::vector<std::string> out;
+  const YamlNode* noise = find(formulas_part(model, "noise"), of);
+  for (const char* key : {"variance", "sd"}) {
+    const YamlNode* sizes = noise != nullptr ? find(*noise, key) : nullptr;
+    if (sizes == nullptr || sizes->kind != Kind::mapping) continue;
+    for (const YamlNode& name : sizes->keys) out.push_back(name.text);
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string in_words(const ModelExtension& extension) {
@@ -177,6 +211,10 @@ std::string in_words(const ModelExtension& extension) {
     case ExtensionKind::lasting_error:
       return (several ? "errors that last, " : "an error that lasts, ") +
              std::string(extension.alike ? "alike, of " : "of ") + names;
+    case ExtensionKind::measurement_noise_change:
+      return fmt::format("another measurement noise of {} from {:.6g} s on", names, extension.from);
+    case ExtensionKind::process_noise_change:
+      return fmt::format("another process noise from {:.6g} s on", extension.from);
     case ExtensionKind::process_noise:
       break;
   }
@@ -221,6 +259,13 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
         add_bias(model, name);
         break;
       case ExtensionKind::lasting_error:
+        break;
+      case ExtensionKind::measurement_noise_change:
+        change_noise(model, "measurement", {name}, name, size, extension.from);
+        break;
+      case ExtensionKind::process_noise_change:
+        change_noise(model, "process", names_with_noise(model, "process"), "process", size,
+                     extension.from);
         break;
       case ExtensionKind::process_noise: {
         const std::string unit = unit_of(model, name);

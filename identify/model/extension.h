@@ -12,15 +12,20 @@ enum class ExtensionKind {
   bias,           ///< a constant error of outputs, a parameter each
   lasting_error,  ///< of outputs: e' = -e/tau + w, a state each (first-order Gauss-Markov process)
   process_noise,  ///< white noise in the dynamics of a state that has none
+  measurement_noise_change,  ///< of outputs: from a time on all variances times a ratio
+  process_noise_change,      ///< of all states that have process noise, likewise
 };
 
 struct ModelExtension {
   ExtensionKind kind = ExtensionKind::bias;
   std::vector<std::string> names;  ///< outputs, or one state
-  std::vector<double> size;        ///< a standard deviation each, where a search begins, SI
+  std::vector<double> size;        ///< a standard deviation each, where a search begins, SI; of a
+                                   ///< change the ratio of variances
   bool alike = false;              ///< lasting errors: one deviation and time constant for all
+  double from = 0.0;               ///< of a change: its time t, as the model's formulas have it [s]
 };
-/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx".
+/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx", "another measurement noise
+/// of z from 120 s on".
 std::string in_words(const ModelExtension& extension);
 
 /// Outputs whose measurement noise is written with the same variance, where that is not a number:
@@ -29,7 +34,8 @@ std::vector<std::vector<std::string>> outputs_alike(const YamlNode& model);
 
 /// The tree of a model file with the further part, and parameters for it: bias_OUTPUT; sd_OUTPUT and
 /// tau_OUTPUT of a lasting error, whose state is error_OUTPUT (sd_errors and tau_errors of those that
-/// are alike); q_STATE. A lasting error begins with its own variance.
+/// are alike); q_STATE; ratio_OUTPUT or ratio_process of a change, at the known time change_OUTPUT or
+/// change_process. A lasting error begins with its own variance.
 ///
 /// Example:
 ///

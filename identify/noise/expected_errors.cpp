@@ -107,7 +107,8 @@ struct Likelier {
 
 // Of the extensions the one with the least BIC, if that is below the model's own.
 std::optional<Likelier> likelier_extension(const YamlNode& root, const Model& model,
-                                           const std::vector<Dataset>& recordings) {
+                                           const std::vector<Dataset>& recordings,
+                                           const ExpectedErrorsOptions& options) {
   const std::vector<Dataset> first = first_rows(recordings);
   double rows = 0.0;
   for (const Dataset& data : first) rows += static_cast<double>(data.size());
@@ -117,11 +118,12 @@ std::optional<Likelier> likelier_extension(const YamlNode& root, const Model& mo
   base.log_likelihood = *L;
   double least = bic_of(base, rows);
   std::optional<Likelier> out;
-  for (const ModelExtension& extension : possible_extensions(root, base.model, first)) {
-    auto fitted = fit_extension(base, extension, first);
-    if (!fitted || !(bic_of(*fitted, rows) < least)) continue;
-    least = bic_of(*fitted, rows);
-    out = Likelier{in_words(extension), std::move(fitted->model)};
+  const std::vector<ModelExtension> all = possible_extensions(root, base.model, first);
+  auto found = fit_extensions(base, all, first, options.threads, options.progress);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!found[i] || !(bic_of(*found[i], rows) < least)) continue;
+    least = bic_of(*found[i], rows);
+    out = Likelier{in_words(all[i]), std::move(found[i]->model)};
   }
   return out;
 }
@@ -204,10 +206,11 @@ std::optional<ExpectedErrors> errors_if_right(const Model& model, const Model& b
 
 ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
                                const std::vector<Dataset>& recordings,
-                               const NoiseEstimate& estimate) {
+                               const NoiseEstimate& estimate,
+                               const ExpectedErrorsOptions& options) {
   ExpectedErrors out;
   Model best = model;
-  if (const auto likelier = likelier_extension(root, model, recordings)) {
+  if (const auto likelier = likelier_extension(root, model, recordings, options)) {
     best = likelier->model;
     take_larger(errors_if_right(model, best, recordings), likelier->what, out);
   }
@@ -232,11 +235,12 @@ bool innovations_contradict(const NoiseEstimate& estimate) {
 }
 
 void judge_by_expected_errors(const YamlNode& root, const Model& given,
-                              const std::vector<Dataset>& recordings, NoiseEstimate& estimate) {
+                              const std::vector<Dataset>& recordings, NoiseEstimate& estimate,
+                              const ExpectedErrorsOptions& options) {
   if (!innovations_contradict(estimate)) return;
   Model model = checked(given, recordings);
   model.parameters = parameters_of(estimate, model.parameters);
-  const ExpectedErrors errors = expected_errors(root, model, recordings, estimate);
+  const ExpectedErrors errors = expected_errors(root, model, recordings, estimate, options);
   estimate.derived.push_back({"excess error of the states", "", errors.excess, kNone});
   estimate.derived.push_back({"excess error of the states, at most", "", errors.most, kNone});
   estimate.derived.push_back({"expected NEES", "", errors.nees, kNone});

@@ -1,11 +1,13 @@
 // How large are the errors of a filter's states, if another model is the right one?
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "identify/estimate/results.h"
+#include "identify/model/extension.h"
 #include "identify/model/model.h"
 #include "identify/model/yaml_reader.h"
 #include "lib/data/dataset.h"
@@ -25,6 +27,12 @@ struct ExpectedErrors {
   std::string worst_state;  ///< with the largest share; empty: none
 };
 
+struct ExpectedErrorsOptions {
+  int threads = 1;  ///< further parts that are tried at a time; 0: as many as there are cores
+  /// Told of each as it begins. @return false to try no more
+  std::function<bool(const ModelExtension& extension)> progress = {};
+};
+
 /// @param better  a likelier model that has the states of `model` and may have more
 /// @return nothing where one of the filters does not run
 std::optional<ExpectedErrors> errors_if_right(const Model& model, const Model& better,
@@ -39,7 +47,8 @@ std::optional<ExpectedErrors> errors_if_right(const Model& model, const Model& b
 /// @param model  at the values of `estimate`, which is of maximum likelihood
 ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
                                const std::vector<Dataset>& recordings,
-                               const NoiseEstimate& estimate);
+                               const NoiseEstimate& estimate,
+                               const ExpectedErrorsOptions& options = {});
 
 /// Whether tests of the innovations fail, and nothing that is misread explains it: then
 /// judge_by_expected_errors() has something to do.
@@ -57,6 +66,7 @@ bool innovations_contradict(const NoiseEstimate& estimate);
 ///
 /// @param model  as given, its values do not count: those of the estimate do
 void judge_by_expected_errors(const YamlNode& root, const Model& model,
-                              const std::vector<Dataset>& recordings, NoiseEstimate& estimate);
+                              const std::vector<Dataset>& recordings, NoiseEstimate& estimate,
+                              const ExpectedErrorsOptions& options = {});
 
 }  // namespace identikal

@@ -93,10 +93,9 @@ GainByRow gain_of(const ExtendedModel& more, const ExtendedModel& less) {
   return gain_by_row(gains);
 }
 
-std::optional<ExtendedModel> tried(const ExtendedModel& base, const ModelExtension& extension,
-                                   const std::vector<Dataset>& recordings,
-                                   const std::vector<Dataset>& first) {
-  auto fitted = fit_extension(base, extension, first);
+std::optional<ExtendedModel> with_predictions(std::optional<FittedModel> fitted,
+                                              const std::vector<Dataset>& recordings,
+                                              const std::vector<Dataset>& first) {
   if (!fitted) return std::nullopt;
   ExtendedModel out{std::move(*fitted), {}, 0.0};
   if (!predict(out, recordings, first)) return std::nullopt;
@@ -127,8 +126,10 @@ std::optional<std::size_t> chosen_of(const std::vector<Fitted>& fitted) {
 
 std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
   std::vector<std::string> out{"further parts tried, by the log-likelihood per row held out:"};
+  std::size_t width = 36;
+  for (const ExtensionTrial& trial : tried) width = std::max(width, trial.what.size());
   for (const ExtensionTrial& trial : tried) {
-    out.push_back(fmt::format("  {:<36} {}{}", trial.what,
+    out.push_back(fmt::format("  {:<{}} {}{}", trial.what, width,
                               std::isnan(trial.gain)
                                   ? "no filter, or no estimate"
                                   : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
@@ -157,11 +158,16 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
   bool runs = predict(best, recordings, first);
   for (int step = 0; runs && step < options.most; ++step) {
     std::vector<Fitted> fitted;
-    for (const ModelExtension& extension : possible_extensions(best.root, best.model, first)) {
-      if (options.progress && !options.progress(in_words(extension))) runs = false;
-      if (!runs) break;
-      ExtensionTrial trial{in_words(extension), kNone, kNone, false};
-      auto candidate = tried(best, extension, recordings, first);
+    const std::vector<ModelExtension> all = possible_extensions(best.root, best.model, first);
+    auto found = fit_extensions(best, all, first, options.search.threads,
+                                [&](const ModelExtension& extension) {
+                                  runs = !options.progress || options.progress(in_words(extension));
+                                  return runs;
+                                });
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      ExtensionTrial trial{in_words(all[i]), kNone, kNone, false};
+      auto candidate = with_predictions(std::move(found[i]), recordings, first);
+      if (!candidate && !runs) continue;  // perhaps it was not begun
       if (candidate) {
         const GainByRow gain = gain_of(*candidate, best);
         trial.gain = gain.mean;
@@ -184,7 +190,9 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
   }
   Model chosen = out.text.empty() ? given : best.model;
   out.estimate = tune_ml(chosen, recordings, options.search);
-  judge_by_expected_errors(best.root, chosen, recordings, out.estimate);
+  ExpectedErrorsOptions further;
+  further.threads = options.search.threads;
+  judge_by_expected_errors(best.root, chosen, recordings, out.estimate, further);
   const std::vector<std::string> lines = table_of(out.tried);
   out.estimate.notes.insert(out.estimate.notes.end(), lines.begin(), lines.end());
   return out;

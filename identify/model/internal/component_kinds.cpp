@@ -150,6 +150,29 @@ Component constant_acceleration(const Given& of) {
   return out;
 }
 
+// In a plane, a velocity that turns at a rate: to the left where it is positive.
+Component coordinated_turn(const Given& of) {
+  of.belongs_to(true);
+  check_parts(of, {"v"});
+  const std::string x = of.name + "_x", y = of.name + "_y", vx = of.name + "_vx",
+                    vy = of.name + "_vy";
+  std::string rate = of.formula("rate", "rate: 0.1 rad/s");
+  Component out;
+  const Node& given = *of.key("rate");
+  const std::optional<Quantity> quantity = split_quantity(given.text);
+  if (quantity && !quantity->unit.empty()) {
+    rate = of.name + "_rate";
+    out.known.push_back({rate, given});
+  }
+  out.states = {{x, of.unit(), vx},
+                {y, of.unit(), vy},
+                {vx, of.unit(1), fmt::format("-{}*{}", rate, vy)},
+                {vy, of.unit(1), fmt::format("{}*{}", rate, vx)}};
+  out.visible = x;
+  add_noise(of, "v", true, {vx, vy}, out);
+  return out;
+}
+
 int whole_number(const Node& node, const std::string& about, int least, int most) {
   const double number = read_plain_number(node, about);
   if (!(number >= least && number <= most && number == std::floor(number))) {
@@ -494,6 +517,7 @@ const std::vector<ComponentKind>& kinds() {
       {"drift", drift, {}},
       {"constant-velocity", constant_velocity, {}},
       {"constant-acceleration", constant_acceleration, {}},
+      {"coordinated-turn", coordinated_turn, {"rate"}},
       {"regression", regression, {"inputs"}},
   };
   return all;

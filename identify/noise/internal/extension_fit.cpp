@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <string>
 #include <utility>
 
@@ -15,6 +16,7 @@
 #include "lib/base/error.h"
 #include "lib/base/median.h"
 #include "solvers/covariance.h"
+#include "solvers/parallel.h"
 #include "solvers/scoring.h"
 
 namespace identikal {
@@ -146,6 +148,69 @@ std::vector<ModelExtension> process_noises(const Model& model) {
   return out;
 }
 
+// Do squares of e grow or shrink at some row? sqrt(N/2) max |C_k/C_N - k/N| (Inclan and Tiao 1994),
+// whose critical value is that of 1 %; the row is the likeliest of normal e.
+struct SizeChange {
+  Index row;     // the first behind it
+  double ratio;  // of the mean square behind it to that before
+};
+std::optional<SizeChange> size_change(const VectorXd& e) {
+  constexpr double kCritical = 1.628;
+  constexpr Index kLeast = 30;  // samples on either side
+  std::vector<Index> rows;
+  std::vector<double> sums{0.0};
+  for (Index t = 0; t < e.size(); ++t) {
+    if (std::isnan(e[t])) continue;
+    rows.push_back(t);
+    sums.push_back(sums.back() + e[t] * e[t]);
+  }
+  const auto N = static_cast<double>(rows.size());
+  double statistic = 0.0, likeliest = -kInfinity;
+  std::optional<SizeChange> out;
+  for (Index k = kLeast; k <= static_cast<Index>(rows.size()) - kLeast; ++k) {
+    const double sum = sums[static_cast<std::size_t>(k)], share = sum / sums.back(),
+                 n = static_cast<double>(k);
+    const double before = sum / n, behind = (sums.back() - sum) / (N - n);
+    if (!(before > 0.0 && behind > 0.0)) continue;
+    statistic = std::max(statistic, std::sqrt(0.5 * N) * std::abs(share - n / N));
+    const double L = -0.5 * (n * std::log(before) + (N - n) * std::log(behind));
+    if (!(L > likeliest)) continue;
+    likeliest = L;
+    out = SizeChange{rows[static_cast<std::size_t>(k)], behind / before};
+  }
+  return statistic > kCritical ? out : std::nullopt;
+}
+
+// Of one recording: where several go into the fit, none of them has a time for all.
+std::vector<ModelExtension> noise_changes(const Model& model, const Dataset& recording,
+                                          const FilterResult& filter) {
+  std::vector<ModelExtension> out;
+  std::optional<SizeChange> largest;
+  for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+    const std::string& name = model.outputs[i].name;
+    if (has_parameter(model, "ratio_" + name) || has_parameter(model, "ratio_process")) continue;
+    const auto change = size_change(filter.standardised.row(static_cast<Index>(i)).transpose());
+    if (!change) continue;
+    if (model.outputs.size() <= kMostAlone) {
+      out.push_back({ExtensionKind::measurement_noise_change,
+                     {name},
+                     {change->ratio},
+                     false,
+                     recording.time[change->row]});
+    }
+    const auto size = [](const SizeChange& of) { return std::abs(std::log(of.ratio)); };
+    if (!largest || size(*change) > size(*largest)) largest = change;
+  }
+  if (largest) {
+    out.push_back({ExtensionKind::process_noise_change,
+                   {"process"},
+                   {largest->ratio},
+                   false,
+                   recording.time[largest->row]});
+  }
+  return out;
+}
+
 // The longest step [s] with which a model is integrated as finely everywhere as it needs somewhere:
 // further parts, which are judged by what they gain, go along with it. None where that would take
 // many more steps in all, and in discrete time.
@@ -213,6 +278,10 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
   }
   const std::vector<ModelExtension> noises = process_noises(model);
   out.insert(out.end(), noises.begin(), noises.end());
+  if (recordings.size() == 1) {
+    const std::vector<ModelExtension> changes = noise_changes(model, recordings[0], filter);
+    out.insert(out.end(), changes.begin(), changes.end());
+  }
   return out;
 }
 
@@ -235,6 +304,25 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
   } catch (const InputError&) {
     return std::nullopt;  // units that do not fit, no named noise, a start of another kind
   }
+}
+
+std::vector<std::optional<FittedModel>> fit_extensions(
+    const FittedModel& base, const std::vector<ModelExtension>& extensions,
+    const std::vector<Dataset>& recordings, int threads,
+    const std::function<bool(const ModelExtension& extension)>& progress) {
+  std::vector<std::optional<FittedModel>> out(extensions.size());
+  std::mutex mutex;
+  bool stopped = false;
+  in_parallel(static_cast<int>(extensions.size()), threads, [&](int task) {
+    const auto i = static_cast<std::size_t>(task);
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      stopped = stopped || (progress && !progress(extensions[i]));
+      if (stopped) return;
+    }
+    out[i] = fit_extension(base, extensions[i], recordings);
+  });
+  return out;
 }
 
 }  // namespace identikal

@@ -2,6 +2,7 @@
 // recordings?
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -24,7 +25,9 @@ std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recor
 
 /// The extensions that there are: a bias and an error that lasts of each output, where they are few,
 /// and of all of them; errors that last, alike, of outputs whose noise is written with the same
-/// variance; process noise of states without any. Their sizes begin at half of the innovations'.
+/// variance; process noise of states without any. Their sizes begin at half of the innovations'. And
+/// of one recording, whose innovations change their size: measurement noise, or process noise, that
+/// changes where they do.
 /// Nothing where the filter does not run.
 std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
                                                 const std::vector<Dataset>& recordings);
@@ -33,5 +36,14 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
 /// with it, or the recordings do not determine it.
 std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExtension& extension,
                                          const std::vector<Dataset>& recordings);
+
+/// The same of each, some at a time; what comes out does not depend on how many.
+/// @param threads   0: as many as there are cores
+/// @param progress  told of each as it begins; where it returns false no further one begins, and
+///   those have nothing. Empty: nobody is told
+std::vector<std::optional<FittedModel>> fit_extensions(
+    const FittedModel& base, const std::vector<ModelExtension>& extensions,
+    const std::vector<Dataset>& recordings, int threads,
+    const std::function<bool(const ModelExtension& extension)>& progress);
 
 }  // namespace identikal

@@ -361,5 +361,32 @@ TEST(Components, MistakesAreShownWhereTheyStand) {
   EXPECT_THAT(refusal(arma_model("ar: [a]")), testing::HasSubstr("unknown name 'a'"));
 }
 
+// Over a second, with w = 0.3 rad/s: the velocity turns by 0.3 rad, the position by its integral.
+TEST(Components, ATurnIsTheClosedForm) {
+  for (const std::string& rate : {std::string("w"), std::string("0.3 rad/s"), std::string("w/1")}) {
+    const Model model = read(R"(identikal: 1
+time: {kind: continuous, step: 1 s}
+parameters: {)" + std::string(rate[0] == 'w' ? "w: 0.3 rad/s, " : "") +
+                             R"(q: {value: 0.5 m^2/s^3, min: 0}, r: {value: 1 m^2, min: 0}}
+components: {car: {kind: coordinated-turn, unit: m, rate: )" +
+                             rate + R"(, variance: q}}
+outputs: {px: {unit: m, equals: car_x}, py: {unit: m, equals: car_y}}
+noise: {measurement: {variance: {px: r, py: r}}}
+)");
+    ASSERT_TRUE(is_linear(model));
+    const StateSpace m = instantiate(as_linear(model), model.parameters);
+    const double s = std::sin(0.3), c = std::cos(0.3), w = 0.3;
+    MatrixXd A(4, 4);
+    A << 1, 0, s / w, -(1 - c) / w, 0, 1, (1 - c) / w, s / w, 0, 0, c, -s, 0, 0, s, c;
+    EXPECT_LT((m.A - A).cwiseAbs().maxCoeff(), 1e-12) << rate;
+    // White acceleration of density q in both directions: what turning cannot change.
+    const MatrixXd Q = m.G * m.Q * m.G.transpose();
+    EXPECT_NEAR(Q(2, 2), 0.5, 1e-12);
+    EXPECT_NEAR(Q(3, 3), 0.5, 1e-12);
+    EXPECT_NEAR(Q(2, 3), 0.0, 1e-12);
+    EXPECT_NEAR(Q(0, 0), 0.5 * 2.0 * (w - s) / (w * w * w), 1e-12);
+  }
+}
+
 }  // namespace
 }  // namespace identikal

@@ -68,9 +68,8 @@ Dataset simulated(const World& world, std::uint64_t seed, Index rows = 600) {
   return out;
 }
 
-ExtendResult run(const World& world, std::uint64_t seed) {
+ExtendResult run(const World& world, std::uint64_t seed, ExtendOptions options = {}) {
   const YamlNode root = parse_yaml(continuous_text(), "two.yaml");
-  ExtendOptions options;
   options.search.starts = 1;
   options.search.profiles = false;
   return tune_extended(root, model_of(root, "two.yaml"), {simulated(world, seed)}, options);
@@ -102,6 +101,60 @@ TEST(Extend, FindsAnErrorThatLasts) {
   EXPECT_EQ(adopted(result), "an error that lasts, of b");
   EXPECT_NE(result.text.find("error_b"), std::string::npos);
   EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
+}
+
+// Sensor a is ten times as noisy (in variance) from 60 s on.
+TEST(Extend, FindsWhereNoiseChanges) {
+  const YamlNode root = parse_yaml(continuous_text(), "two.yaml");
+  Dataset drive = simulated({}, 5, 1200);
+  Random random(6);
+  for (Index t = 600; t < drive.size(); ++t) drive.y(0, t) += 0.3 * random.normal();
+  ExtendOptions options;
+  options.search.starts = 1;
+  options.search.profiles = false;
+  const ExtendResult result = tune_extended(root, model_of(root, "two.yaml"), {drive}, options);
+  EXPECT_EQ(adopted(result).find("another measurement noise of a from "), 0U) << adopted(result);
+  const Model model = parse_model_file(result.text, "extended.yaml");
+  const int change = find_parameter(model.parameters, "change_a");
+  ASSERT_GE(change, 0) << adopted(result);
+  EXPECT_NEAR(model.parameters[static_cast<std::size_t>(change)].scalar(), 60.0, 1.0);
+  for (const EstimatedParameter& p : result.estimate.parameters) {
+    if (p.name == "ratio_a") {
+      EXPECT_NEAR(p.value, 10.0, 3.5 * p.se);
+      EXPECT_LT(p.se, 2.0);
+    }
+  }
+  EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
+}
+
+TEST(Extend, ThreadsDoNotChangeTheResult) {
+  ExtendOptions options;
+  const ExtendResult one = run({.bias = 0.6, .lasting = 0.3}, 3, options);
+  options.search.threads = 4;
+  const ExtendResult four = run({.bias = 0.6, .lasting = 0.3}, 3, options);
+  EXPECT_EQ(one.text, four.text);
+  EXPECT_EQ(one.estimate.objective.log_likelihood, four.estimate.objective.log_likelihood);
+  ASSERT_EQ(one.tried.size(), four.tried.size());
+  for (std::size_t i = 0; i < one.tried.size(); ++i) {
+    EXPECT_EQ(one.tried[i].what, four.tried[i].what);
+    if (std::isnan(one.tried[i].gain)) {
+      EXPECT_TRUE(std::isnan(four.tried[i].gain)) << one.tried[i].what;
+    } else {
+      EXPECT_EQ(one.tried[i].gain, four.tried[i].gain) << one.tried[i].what;
+    }
+  }
+}
+
+TEST(Extend, StoppedTriesNoMore) {
+  for (const int threads : {1, 4}) {
+    int told = 0;
+    ExtendOptions options;
+    options.search.threads = threads;
+    options.progress = [&](const std::string&) { return ++told < 3; };
+    const ExtendResult result = run({.bias = 0.6, .lasting = 0.0}, 1, options);
+    EXPECT_EQ(told, 3);
+    EXPECT_EQ(result.tried.size(), 2u);
+  }
 }
 
 // A gain beyond three of its standard errors, from ten blocks, by chance: some 0.7 % of trials; of
@@ -176,9 +229,12 @@ noise: {process: {kind: density, variance: {v: q}}, measurement: {variance: {spe
 initial: diffuse
 )",
                                    "speed.yaml");
-  for (const ModelExtension& each : {ModelExtension{ExtensionKind::bias, {"speed"}, {0.1}},
-                                     ModelExtension{ExtensionKind::lasting_error, {"speed"}, {0.1}},
-                                     ModelExtension{ExtensionKind::process_noise, {"p"}, {0.1}}}) {
+  for (const ModelExtension& each :
+       {ModelExtension{ExtensionKind::bias, {"speed"}, {0.1}},
+        ModelExtension{ExtensionKind::lasting_error, {"speed"}, {0.1}},
+        ModelExtension{ExtensionKind::process_noise, {"p"}, {0.1}},
+        ModelExtension{ExtensionKind::measurement_noise_change, {"speed"}, {4.0}, false, 3.0},
+        ModelExtension{ExtensionKind::process_noise_change, {"process"}, {4.0}, false, 3.0}}) {
     const std::string text = model_file_text(extended(root, each, 0.02));
     EXPECT_NO_THROW(parse_model_file(text, "more.yaml")) << text;
     std::string discrete = model_file_text(root);
