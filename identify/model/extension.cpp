@@ -167,7 +167,8 @@ void add_bias(YamlNode& model, const std::string& output) {
 }
 
 // The variances of these names times a ratio, from a time on.
-// @param of  "measurement" or "process", which is the name of its parameters where `about` is empty
+// @param of     "measurement" or "process"
+// @param about  what its parameters are named by
 void change_noise(YamlNode& model, const char* of, const std::vector<std::string>& names,
                   const std::string& about, double ratio, double from) {
   const YamlNode* states = find(model, "states");

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 // A constraint's weight over the information along it: errors of what is estimated are right to its
 // root, and a search is still well conditioned.
 constexpr double kStiffness = 1e6;
-constexpr double kSettled = 1e-7;  // standard errors
+constexpr double kMultipliersSettled = 1e-7;  // standard errors
 constexpr double kRounding = 1e-13;
 constexpr double kFlat = 1e-10;  // information of a direction over the largest
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -134,7 +134,7 @@ bool update_multipliers(const Constraints& constraints, const VectorXd& g, const
 VectorXd constraint_tolerances(const ConstraintValues& values, const VectorXd& p,
                                const MatrixXd& slopes, const MatrixXd& information) {
   const VectorXd sizes = values.slopes.cwiseAbs() * p.cwiseAbs();
-  return kSettled * variances(slopes, information).cwiseSqrt() + kRounding * sizes +
+  return kMultipliersSettled * variances(slopes, information).cwiseSqrt() + kRounding * sizes +
          VectorXd::Constant(sizes.size(), 1e-300);
 }
 

@@ -127,7 +127,7 @@ TEST(Curves, HaveTheUnitsOfTheModelAndWhatTheFileSaysOfThem) {
   EXPECT_TRUE(named("f_distance").fixed);
 }
 
-std::string refusal(const std::string& curve) {
+std::string curve_refusal(const std::string& curve) {
   try {
     parse_model_file(kModel + "let: {f: " + curve + "}\n", "m.yaml");
   } catch (const InputError& error) {
@@ -137,22 +137,24 @@ std::string refusal(const std::string& curve) {
 }
 
 TEST(Curves, RefuseWhatIsNone) {
-  EXPECT_EQ(refusal("{spline: u, knots: [0, 1]}"),
+  EXPECT_EQ(curve_refusal("{spline: u, knots: [0, 1]}"),
             "m.yaml:10:29: the knots of curve 'f'; expected a list of 3 to 14 rising numbers: [-1, "
             "0, 1]");
-  EXPECT_EQ(refusal("{spline: u, knots: [0, 1, 1]}"),
+  EXPECT_EQ(curve_refusal("{spline: u, knots: [0, 1, 1]}"),
             "m.yaml:10:36: knot 1 behind 1; expected knots that rise");
-  EXPECT_EQ(refusal("{spline: u, knots: [0 V, 1 mV, 2 V]}"),
+  EXPECT_EQ(curve_refusal("{spline: u, knots: [0 V, 1 mV, 2 V]}"),
             "m.yaml:10:35: a knot in 'mV' behind one in 'V'; expected all knots in one unit");
-  EXPECT_NE(refusal("{knots: [0, 1, 2]}").find("without 'spline' or 'table'"), std::string::npos);
-  EXPECT_NE(refusal("{spline: u}").find("'knots'"), std::string::npos);
-  EXPECT_NE(refusal("{spline: u, knots: [0 V, 1 V, 2 V], value: [1]}").find("unknown key 'value'"),
+  EXPECT_NE(curve_refusal("{knots: [0, 1, 2]}").find("without 'spline' or 'table'"),
             std::string::npos);
-  EXPECT_NE(refusal("{spline: u, knots: [0 V, 1 V, 2 V], values: [1]}").find("a list of 3"),
+  EXPECT_NE(curve_refusal("{spline: u}").find("'knots'"), std::string::npos);
+  EXPECT_NE(
+      curve_refusal("{spline: u, knots: [0 V, 1 V, 2 V], value: [1]}").find("unknown key 'value'"),
+      std::string::npos);
+  EXPECT_NE(curve_refusal("{spline: u, knots: [0 V, 1 V, 2 V], values: [1]}").find("a list of 3"),
             std::string::npos);
-  EXPECT_NE(refusal("{table: [u], knots: [[0 V, 1 V]]}").find("over 1 formulas"),
+  EXPECT_NE(curve_refusal("{table: [u], knots: [[0 V, 1 V]]}").find("over 1 formulas"),
             std::string::npos);
-  EXPECT_NE(refusal("{spline: u, knots: [0 m, 1 m, 2 m], unit: N}"), "");  // u is a voltage
+  EXPECT_NE(curve_refusal("{spline: u, knots: [0 m, 1 m, 2 m], unit: N}"), "");  // u is a voltage
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 
 using Channels = std::vector<std::string>;
 
-std::string answer(const VehicleSurvey& survey, const std::string& of) {
+std::string verdict_on(const VehicleSurvey& survey, const std::string& of) {
   for (const VehicleSurvey::Verdict& v : survey.identifiable) {
     if (v.of == of) return v.answer;
   }
@@ -86,7 +86,7 @@ TEST(Excitation, SurveyAndFitAgree) {
       const VehicleSurvey seen = survey(vehicle_signals(model, data));
       const VehicleEstimate fit = fit_vehicle(model, data);
       const EstimatedParameter& Iz = parameter(fit, "Iz");
-      const std::string Iz_answer = answer(seen, "Iz"), C_answer = answer(seen, "Cf, Cr");
+      const std::string Iz_answer = verdict_on(seen, "Iz"), C_answer = verdict_on(seen, "Cf, Cr");
       std::printf("%-7s %-5s yaw change %.2f  Iz %-7s C %-11s fit Iz %+.0f %% +- %.0f %% %s\n",
                   drive.name, outputs.size() == 2 ? "r vy" : "r", seen.yaw_change,
                   Iz_answer.c_str(), C_answer.c_str(), 100.0 * (Iz.value / 2319.0 - 1.0),
@@ -125,8 +125,8 @@ TEST(Excitation, LaneKeepingAndSensorStepsAreNone) {
     }
     for (const Dataset* data : std::initializer_list<const Dataset*>{&fine, &coarse, &wild}) {
       const VehicleSurvey seen = survey(vehicle_signals(model, *data));
-      EXPECT_EQ(answer(seen, "Iz"), "no") << outputs.size();
-      EXPECT_EQ(answer(seen, "Cf, Cr"), outputs.back() == "vy" ? "yes" : "combination");
+      EXPECT_EQ(verdict_on(seen, "Iz"), "no") << outputs.size();
+      EXPECT_EQ(verdict_on(seen, "Cf, Cr"), outputs.back() == "vy" ? "yes" : "combination");
     }
   }
 }

@@ -15,7 +15,7 @@ constexpr double kSpeed = 22.0;  // [m/s]
 
 SingleTrack<> car() { return linear_car(sladka2010_car()); }
 
-Eigen::VectorXd times(double step, double seconds) {
+Eigen::VectorXd stamps(double step, double seconds) {
   return Eigen::VectorXd::LinSpaced(static_cast<Eigen::Index>(std::lround(seconds / step)) + 1, 0.0,
                                     seconds);
 }
@@ -54,7 +54,7 @@ double difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
 }
 
 TEST(SecondaryEffects, WithoutAnyItIsTheSingleTrackToSecondOrder) {
-  const Eigen::VectorXd time = times(0.01, 10.0), steering = sweep(time);
+  const Eigen::VectorXd time = stamps(0.01, 10.0), steering = sweep(time);
   const Eigen::MatrixXd exact = plain(car(), driven(time, steering, 0.001));
   const double coarse = difference(with({}, driven(time, steering, 0.005)), exact);
   const double fine = difference(with({}, driven(time, steering, 0.0025)), exact);
@@ -64,7 +64,7 @@ TEST(SecondaryEffects, WithoutAnyItIsTheSingleTrackToSecondOrder) {
 }
 
 TEST(SecondaryEffects, RelaxationIsThatOfTheSingleTrack) {
-  const Eigen::VectorXd time = times(0.01, 10.0), steering = sweep(time);
+  const Eigen::VectorXd time = stamps(0.01, 10.0), steering = sweep(time);
   SingleTrack<> relaxing = car();
   relaxing.relaxation_length = 0.4;
   const Eigen::MatrixXd exact =
@@ -79,7 +79,7 @@ TEST(SecondaryEffects, RelaxationIsThatOfTheSingleTrack) {
 // sample to sample; samples of 1 ms, so that it does not matter how one reads between them.
 TEST(SecondaryEffects, SteeringLagIsAFirstOrderFilter) {
   constexpr double kLag = 0.05, kStep = 0.001;
-  const Eigen::VectorXd time = times(kStep, 5.0), steering = sweep(time);
+  const Eigen::VectorXd time = stamps(kStep, 5.0), steering = sweep(time);
   Eigen::VectorXd late = steering;
   for (Eigen::Index k = 1; k < late.size(); ++k) {
     late[k] = lagged(late[k - 1], steering[k - 1], steering[k], kStep, kLag);
@@ -100,7 +100,7 @@ TEST(SecondaryEffects, LaggedIsTheExactSolution) {
 }
 
 TEST(SecondaryEffects, InSteadyCorneringRollShowsInAyAlone) {
-  const Eigen::VectorXd time = times(0.01, 12.0);
+  const Eigen::VectorXd time = stamps(0.01, 12.0);
   const DrivenSegment turn = driven(time, Eigen::VectorXd::Constant(time.size(), 0.5), 0.005);
   SecondaryEffects rolling{};
   rolling[kRollGradient] = 0.01;
@@ -114,7 +114,7 @@ TEST(SecondaryEffects, InSteadyCorneringRollShowsInAyAlone) {
 }
 
 TEST(SecondaryEffects, RollOfAnyFrequencyAndHeightIsThatOfTheSingleTrack) {
-  const Eigen::VectorXd time = times(0.01, 10.0), steering = sweep(time);
+  const Eigen::VectorXd time = stamps(0.01, 10.0), steering = sweep(time);
   SingleTrack<> rolls = car();
   rolls.roll_gradient = 0.008;
   rolls.roll_frequency = 2.2;
@@ -131,7 +131,7 @@ TEST(SecondaryEffects, RollOfAnyFrequencyAndHeightIsThatOfTheSingleTrack) {
 }
 
 TEST(SecondaryEffects, SmoothingMovesNothingInTime) {
-  const Eigen::VectorXd time = times(0.01, 20.0);
+  const Eigen::VectorXd time = stamps(0.01, 20.0);
   const auto sine = [](double t) { return 0.3 * std::sin(2.0 * t); };
   SecondaryEffects smooth{};
   smooth[kSteeringSmoothing] = 0.02;
