@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -303,6 +304,8 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
     return out;
   } catch (const InputError&) {
     return std::nullopt;  // units that do not fit, no named noise, a start of another kind
+  } catch (const std::invalid_argument&) {
+    return std::nullopt;  // noise that is zero changes by no ratio
   }
 }
 
