@@ -28,7 +28,7 @@ struct ParsedModel {
   Model model;
 };
 
-const Model& parsed_in_memory(const std::string& text, const std::string& name) {
+const Model& parsed_once(const std::string& text, const std::string& name) {
   thread_local ParsedModel last;
   if (last.text.empty() || last.text != text || last.name != name) {
     Model model = parse_model_file(text, name);
@@ -81,11 +81,11 @@ std::vector<std::string> Inputs::included(const std::string& name) {
 
 Model Inputs::model(const std::string& name, FormulaReading reading) {
   const std::string& text = model_text(name);
-  const bool may_change = !is_in_memory(name) || text.find("include") != std::string::npos;
-  if (may_change || reading != FormulaReading::linear) {
+  const bool may_include = text.find("include") != std::string::npos;
+  if (may_include || reading != FormulaReading::linear) {
     return model_of(model_tree(name), name, reading);
   }
-  return parsed_in_memory(text, name);
+  return parsed_once(text, name);
 }
 
 const Table& Inputs::table(const std::string& name) {

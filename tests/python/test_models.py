@@ -111,3 +111,13 @@ def test_doses_are_none_where_an_input_is_missing():
     assert of_gaps.log_likelihood == of_zeros.log_likelihood
     assert of_gaps.params["k"].value == pytest.approx(1.0, abs=4 * of_gaps.params["k"].se)
     assert np.asarray(ik.filter(model, y, u=u, time=t).states)[0] == pytest.approx([0.0, 2.0], abs=1e-6)
+
+
+def test_a_model_file_is_read_as_it_is_now(tmp_path, flow, root):
+    path = tmp_path / "level.yaml"
+    text = (root / "examples/nile.yaml").read_text()
+    path.write_text(text)
+    model = ik.Model(path)
+    assert set(ik.tune(model, flow, starts=1, profiles=False).params) == {"q", "r"}
+    path.write_text(text.replace("R: [[r]]", "R: [[15000]]").replace("  r: {value: 1000, min: 0, role: measurement-noise}\n", ""))
+    assert set(ik.tune(model, flow, starts=1, profiles=False).params) == {"q"}
