@@ -2,7 +2,7 @@
 
 A room is a folder with sources of its own. ORDER lists the rooms from the ground up; the floor of a room is the longest way down from it
 within its house. Prints rooms, floors and includes; fails on an include that runs up (and so on every circle), on an include of
-another room's internal/ header, on too many floors, and on a third-party header outside its one place.
+another room's internal/ header, on too many floors, on a third-party header outside its one place, and on a test that is not built.
 """
 import collections
 import pathlib
@@ -96,6 +96,10 @@ for house in ORDER:
     print(f"{house}: {floors} floors")
     if floors > MOST_FLOORS:
         faults.append(f"{house} has {floors} floors; at most {MOST_FLOORS}")
+built = (ROOT / "tests/CMakeLists.txt").read_text()
+for test in sorted([*ROOT.glob("tests/**/*_test.cpp"), *ROOT.glob("tests/**/*_study.cpp")]):
+    if test.relative_to(ROOT / "tests").as_posix() not in built:
+        faults.append(f"{test.relative_to(ROOT)}: no test program is built from it")
 up = sum("lies above" in fault for fault in faults)
 print(*faults, sep="\n")
 print(f"{sum(files.values())} files in {len(files)} rooms, {up} includes up, {len(faults)} faults")

@@ -240,7 +240,14 @@ void judge_by_expected_errors(const YamlNode& root, const Model& given,
   if (!innovations_contradict(estimate)) return;
   Model model = checked(given, recordings);
   model.parameters = parameters_of(estimate, model.parameters);
-  const ExpectedErrors errors = expected_errors(root, model, recordings, estimate, options);
+  bool stopped = false;
+  ExpectedErrorsOptions watched = options;
+  watched.progress = [&](const ModelExtension& extension) {
+    stopped = stopped || (options.progress && !options.progress(extension));
+    return !stopped;
+  };
+  const ExpectedErrors errors = expected_errors(root, model, recordings, estimate, watched);
+  if (stopped) return;  // what was not tried may be likelier
   estimate.derived.push_back({"excess error of the states", "", errors.excess, kNone});
   estimate.derived.push_back({"excess error of the states, at most", "", errors.most, kNone});
   estimate.derived.push_back({"expected NEES", "", errors.nees, kNone});

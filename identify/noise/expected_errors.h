@@ -56,7 +56,8 @@ bool innovations_contradict(const NoiseEstimate& estimate);
 
 /// Where tests of the innovations fail: adds expected_errors() to the estimate, and concludes again
 /// by their size. What the innovations show is serious unless the states lose at most 3 % by it and
-/// their squared errors are 2/3 to 3/2 of their variances.
+/// their squared errors are 2/3 to 3/2 of their variances. Nothing is added where `progress` stops
+/// the trials.
 ///
 /// Example:
 ///
