@@ -29,7 +29,7 @@ struct ExpectedErrors {
 
 struct ExpectedErrorsOptions {
   int threads = 1;  ///< further parts that are tried at a time; 0: as many as there are cores
-  /// Told of each as it begins. @return false to try no more
+  /// Told of each as it begins, by one thread at a time. @return false to try no more
   std::function<bool(const ModelExtension& extension)> progress = {};
 };
 

@@ -17,7 +17,8 @@ struct ExtendOptions {
   double hold_out = 0.3;  ///< last share of each recording, on which extensions are compared
   int most = 3;           ///< extensions, one after the other
   NoiseMlOptions search;  ///< of the model that is chosen
-  std::function<bool(const std::string& what)> progress;  ///< return false to stop
+  /// Told of each part as its trial begins, by one thread at a time. @return false to stop
+  std::function<bool(const std::string& what)> progress;
 };
 
 /// What a further part of the model gained where nothing was fitted.
@@ -36,10 +37,10 @@ struct ExtendResult {
 };
 
 /// Step by step: every extension that there is (biases of one output and of all, errors that last,
-/// those of sensors of one kind alike, process noise of states without any; of more than four
-/// outputs all at once alone) is fitted to the
-/// first part of each recording by maximum likelihood, and predicts the last part, its filter going
-/// on from the first. Those pay whose gain is beyond 3 of its standard errors and 0.01 nats per row;
+/// those of sensors of one kind alike, process noise of states without any, noise of another size
+/// from a time on; of more than four outputs all at once alone) is fitted to the first part of each
+/// recording by maximum likelihood, and predicts the last part, its filter going on from the first.
+/// Those pay whose gain is beyond 3 of its standard errors and 0.01 nats per row;
 /// of those that no other beats by as much, the one is adopted that the first part asks for by BIC.
 /// What is chosen is tuned on all rows, and judged by judge_by_expected_errors().
 ///

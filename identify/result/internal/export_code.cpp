@@ -16,8 +16,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 
 constexpr const char* kCovarianceRemark =
-    "times P of the filter is the size of its errors: references, held-out rows or a likelier "
-    "model "
+    "P times it is the size of the errors: references, held-out rows or a likelier model "
     "contradict P";
 
 std::string exact(double value) { return number_code(value, CodeLanguage::c); }
