@@ -335,6 +335,16 @@ void run(ik_result& result, const Arguments& given, const Progress& progress) {
   result.message = result.outcome.message;
 }
 
+void check_call(const std::string& verb,
+                const std::vector<std::pair<std::string, std::string>>& models,
+                const std::string& options) {
+  const Verb made = verb_called(verb)();
+  take_json_options(made, options);
+  for (const auto& [text, file] : models) {
+    file.empty() ? parse_model_file(text, model_name_in_memory()) : read_model_file(file);
+  }
+}
+
 void draw_page(ik_result& result) {
   if (!result.outcome.json.exists() || !result.page.empty()) return;
   const Outcome drawn = run_verb(result, true, {});

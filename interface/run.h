@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "interface/identikal.h"
@@ -46,6 +47,12 @@ using Progress = std::function<bool(const std::string& what, double share, doubl
 
 /// Runs result.verb with result.options. @throws InputError and others, which guarded() turns into a code
 void run(ik_result& result, const Arguments& given, const Progress& progress);
+
+/// What does not depend on the recording: is there such a verb, does it take these options, are these models?
+/// @param models  text and path of each, one of them empty; @throws InputError
+void check_call(const std::string& verb,
+                const std::vector<std::pair<std::string, std::string>>& models,
+                const std::string& options);
 
 /// Draws the page, unless there is one. @throws as run()
 void draw_page(ik_result& result);

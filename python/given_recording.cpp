@@ -64,4 +64,22 @@ ik_recording GivenRecording::view() {
   return out;
 }
 
+GivenData::GivenData(const py::handle& samples, std::vector<std::string> files)
+    : files_(std::move(files)) {
+  for (const py::handle& item : samples) recordings_.push_back(given_recording(item));
+  for (GivenRecording& each : recordings_) views_.push_back(each.view());
+}
+
+Arguments GivenData::arguments(const std::vector<std::pair<std::string, std::string>>& models,
+                               const std::vector<const ik_result*>& previous) const {
+  Arguments out;
+  for (const auto& [text, file] : models) out.models.push_back({text, file});
+  out.recordings = views_.data();
+  out.count = views_.size();
+  out.files = files_;
+  out.previous = previous.data();
+  out.previous_count = previous.size();
+  return out;
+}
+
 }  // namespace identikal

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "python/result.h"
@@ -23,5 +24,23 @@ struct GivenRecording {
 
 /// @param item  (time, y, u, step, names, units); @throws InputError for what is no such array
 GivenRecording given_recording(const pybind11::handle& item);
+
+/// What a verb is run on, as Python gave it. @pre the interpreter is held while it is made and when it goes
+class GivenData {
+ public:
+  /// @param samples  a list of (time, y, u, step, names, units)
+  /// @param files    paths
+  /// @throws InputError for what is no such array, and for lengths that differ
+  GivenData(const pybind11::handle& samples, std::vector<std::string> files);
+  /// @param models    text and path of each, one of them empty
+  /// @param previous  results; both outlive what comes out
+  Arguments arguments(const std::vector<std::pair<std::string, std::string>>& models,
+                      const std::vector<const ik_result*>& previous) const;
+
+ private:
+  std::vector<GivenRecording> recordings_;
+  std::vector<ik_recording> views_;
+  std::vector<std::string> files_;
+};
 
 }  // namespace identikal

@@ -51,6 +51,7 @@ PYBIND11_MODULE(_identikal, module) {
   module.def("is_unit",
              [](const std::string& text) { return identikal::parse_unit(text).has_value(); });
   identikal::add_results(module);
+  identikal::add_each(module);
   identikal::add_external_filter(module);
   identikal::add_online_filter(module);
   identikal::add_fleets(module);

@@ -28,26 +28,25 @@ py::tuple run_verb(const std::string& verb,
   auto result = std::make_shared<ik_result>();
   result->verb = verb;
   result->options = options;
-  std::vector<GivenRecording> given;
-  std::vector<ik_recording> views;
-  std::vector<const ik_result*> before;
-  for (const SharedResult& each : previous) before.push_back(each.get());
+  std::optional<GivenData> data;
+  const std::vector<const ik_result*> before = pointers(previous);
   Pulse pulse(progress);
   guarded(*result, [&] {
-    for (const py::handle& item : recordings) given.push_back(given_recording(item));
-    for (GivenRecording& each : given) views.push_back(each.view());
-    Arguments arguments;
-    for (const auto& [text, file] : models) arguments.models.push_back({text, file});
-    arguments.recordings = views.data();
-    arguments.count = views.size();
-    arguments.files = files;
-    arguments.previous = before.data();
-    arguments.previous_count = before.size();
+    data.emplace(recordings, files);
+    const Arguments arguments = data->arguments(models, before);
     const py::gil_scoped_release released;
     run(*result, arguments, std::ref(pulse));
   });
   pulse.rethrow();
   return py::make_tuple(result, pulse.interrupted());
+}
+
+SharedResult failed(const std::string& verb, const std::string& message) {
+  auto out = std::make_shared<ik_result>();
+  out->verb = verb;
+  out->code = 2;
+  out->message = message;
+  return out;
 }
 
 // name, value, se, interval, error bound, unit, verdict, start, fixed, bounds
@@ -211,6 +210,12 @@ py::tuple channels_of(const std::string& text, const std::string& path) {
 
 }  // namespace
 
+std::vector<const ik_result*> pointers(const std::vector<SharedResult>& results) {
+  std::vector<const ik_result*> out;
+  for (const SharedResult& each : results) out.push_back(each.get());
+  return out;
+}
+
 void add_results(py::module_& module) {
   py::class_<ik_result, SharedResult>(module, "Result")
       .def_readonly("code", &ik_result::code)
@@ -236,6 +241,7 @@ void add_results(py::module_& module) {
       .def("export", exported_of, py::call_guard<py::gil_scoped_release>())
       .def("state", state_of);
   module.def("run", run_verb);
+  module.def("failed", failed);
   module.def("channels", channels_of);
   module.def("restored", restored);
 }

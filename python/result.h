@@ -18,6 +18,12 @@ using SharedResult = std::shared_ptr<ik_result>;
 /// Adds the class Result and what makes one.
 void add_results(pybind11::module_& module);
 
+/// Adds what runs a verb on each of many recordings.
+void add_each(pybind11::module_& module);
+
+/// Of results that outlive what comes out.
+std::vector<const ik_result*> pointers(const std::vector<SharedResult>& results);
+
 /// Lets go of Python while it works, and comes back for signals and for the caller's progress now and then.
 class Pulse {
  public:

@@ -17,12 +17,13 @@ from .fleets import Fleet, PopulationParameter, fleet
 from .jobs import (bound, check, compare, filter, fit, forecast, handling, model, shape, simulate, smooth, track, tune,
                    validate)
 from .models import Car, FormulaModel, LinearModel, Model, free
+from .one_by_one import each
 from .online import OnlineFilter
 from .results import Finding, Parameter, Result
 from .samples import Recording
 
 __version__ = _identikal.version
 __all__ = ["Car", "Expression", "Finding", "FindingWarning", "Fleet", "FormulaModel", "IdentikalError", "InputError", "LinearModel",
-           "Model", "OnlineFilter", "Parameter", "PopulationParameter", "Recording", "Result", "StoppedWarning", "bound", "check", "compare", "extended_filter",
+           "Model", "OnlineFilter", "Parameter", "PopulationParameter", "Recording", "Result", "StoppedWarning", "bound", "check", "compare", "each", "extended_filter",
            "filter", "fit", "fleet", "forecast", "free", "handling", "model", "p", "shape", "simulate", "smooth", "track", "tune",
            "tune_external", "validate"]

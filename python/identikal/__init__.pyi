@@ -1,5 +1,5 @@
 import os
-from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -214,4 +214,6 @@ class Fleet:
     def report(self) -> str: ...
     def resume(self, *, progress: Progress = ..., **options: Any) -> Fleet: ...
 
+def each(verb: str, model: Any, recordings: Iterable[Any], *, step: Optional[float] = ..., columns: Optional[Sequence[str]] = ...,
+         units: Optional[Mapping[str, str]] = ..., threads: Optional[int] = ..., progress: Progress = ..., **options: Any) -> Iterator[Result]: ...
 def fleet(verb: str, model: AnyModel, recordings: Any, store: Optional[Path] = ..., *, progress: Progress = ..., **options: Any) -> Fleet: ...

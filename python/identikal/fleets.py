@@ -19,7 +19,7 @@ from . import _identikal
 from ._errors import IdentikalError, InputError, StoppedWarning
 from .jobs import _model, _options, showing
 from .results import Result, inline_page
-from .samples import _is_frame, _is_recording, _recording
+from .samples import is_frame, _is_recording, _recording
 
 _VERBS = ("tune", "fit", "check", "validate")
 # Columns of a manifest that are no covariates.
@@ -248,7 +248,7 @@ def _seen_from(folder, path):
 
 def _manifest_rows(given):
     """A dict for each recording."""
-    if _is_frame(given) and given.ndim == 2 and "recording" in given.columns:
+    if is_frame(given) and given.ndim == 2 and "recording" in given.columns:
         given = given.to_dict("records")
     if isinstance(given, dict):
         return [{"recording": each, "name": name, "unit": name} for name, each in given.items()]

@@ -172,11 +172,11 @@ def _split(all_of_them):
 
 
 def _is_recording(given):
-    return isinstance(given, (Recording, str, os.PathLike)) or _is_frame(given) or \
+    return isinstance(given, (Recording, str, os.PathLike)) or is_frame(given) or \
         isinstance(given, np.ndarray) and given.ndim > 0
 
 
-def _is_frame(given):
+def is_frame(given):
     return hasattr(given, "index") and hasattr(given, "to_numpy") and hasattr(given, "ndim")
 
 
@@ -189,11 +189,11 @@ def _recording(data, u, time, step, columns, units):
         if any(each is not None for each in (u, time, step, columns, units)):
             raise InputError("u, time, step, columns or units beside a Recording; expected them in it")
         return data
-    if _is_frame(data) and u is None and time is None and (data.ndim == 2 or columns is None and data.name is not None):
+    if is_frame(data) and u is None and time is None and (data.ndim == 2 or columns is None and data.name is not None):
         if columns is not None:
             data = data[list(columns)]
         return Recording.of_frame(data, units, step)
-    if _is_frame(data) and time is None:
+    if is_frame(data) and time is None:
         time = _index_times(data.index)
     return Recording(data, u=u, time=time, step=step, columns=columns, units=units)
 

@@ -1,7 +1,7 @@
 """What does Python cost? tests/bench/python_bench.py [FITS]; the package on PYTHONPATH, statsmodels installed.
 
 Prints: a call of tune with its parts, FITS fits of short recordings (each of its own) beside the same through the module's
-raw function, two threads beside one, memory for 10^7 rows, and time, log-likelihood, estimates and errors beside
+raw function and by each(), two threads beside one, memory for 10^7 rows, and time, log-likelihood, estimates and errors beside
 statsmodels on three models.
 """
 import os
@@ -55,6 +55,14 @@ def fits(count):
         for i in range(count // 2):
             work(series[i % len(series)])
         print(f"{count // 2} fits, {name}: {(processor() - begin) / (count // 2) * 1e6:.1f} us each")
+
+
+    for number in (1, 2, 1, 2):
+        begin, clock = processor(), time.perf_counter()
+        for fit in ik.each("tune", LEVEL, (series[i % len(series)] for i in range(count // 2)), threads=number):
+            fit.params["q"].value
+        print(f"{count // 2} default fits, each() on {number}: {(processor() - begin) / (count // 2) * 1e6:.1f} us of processor each, "
+              f"{(time.perf_counter() - clock) / (count // 2) * 1e6:.1f} by the clock")
 
 
 def threads(count):
