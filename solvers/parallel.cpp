@@ -13,8 +13,29 @@ namespace identikal {
 namespace {
 
 std::atomic<int> most_threads{0};
+thread_local bool is_alone = false;
+
+// Asked of the system once: it reads a file for the answer, which takes as long as a part of a
+// short fit.
+int cores() {
+  static const int count = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  return count;
+}
+
+int threads_for(int count, int asked) {
+  if (is_alone) return 1;
+  int out = count;
+  if (asked > 0) out = std::min(out, asked);
+  if (most_threads > 0) out = std::min(out, most_threads.load());
+  if (asked <= 0 && out > 1) out = std::min(out, cores());
+  return out;
+}
 
 }  // namespace
+
+OneThread::OneThread() : before_(is_alone) { is_alone = true; }
+
+OneThread::~OneThread() { is_alone = before_; }
 
 void use_threads_at_most(int threads) { most_threads = threads; }
 
@@ -40,9 +61,7 @@ void in_parallel(int count, int threads, const std::function<void(int task)>& ta
       }
     }
   };
-  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  const int most = most_threads > 0 ? most_threads.load() : std::max(threads, cores);
-  const int together = std::min({threads > 0 ? threads : cores, most, count});
+  const int together = threads_for(count, threads);
   std::vector<std::thread> others;
   others.reserve(static_cast<std::size_t>(std::max(together, 0)));
   try {

@@ -22,4 +22,17 @@ void in_parallel(int count, int threads, const std::function<void(int task)>& ta
 /// where several processes share the machine. 0: no such limit.
 void use_threads_at_most(int threads);
 
+/// While one lives, in_parallel() has one thread where this thread calls it: for callers that have
+/// shared their work among threads themselves.
+class OneThread {
+ public:
+  OneThread();
+  ~OneThread();
+  OneThread(const OneThread&) = delete;
+  OneThread& operator=(const OneThread&) = delete;
+
+ private:
+  bool before_;
+};
+
 }  // namespace identikal
