@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -36,6 +37,7 @@ constexpr double kSameFit = 0.005;
 const char* to_string(Refinement how, ModelStructure structure) {
   if (how == Refinement::simulation) return "simulation";
   if (how == Refinement::prediction_error) return "prediction_error";
+  if (how == Refinement::output_error) return "output_error";
   switch (structure) {
     case ModelStructure::arx:
       return "arx";
@@ -183,6 +185,16 @@ bool overfits(const std::vector<BlackBoxCandidate>& all) {
   return all.back().prediction < best - kWorse;
 }
 
+// What simulates best, with all of it fitted to simulations where held-out rows say that this is noticeably better:
+// it follows one recording as closely as its order allows.
+std::size_t by_output_error(const ModelSearch& search, std::vector<BlackBoxCandidate>& all,
+                            std::size_t simulator) {
+  constexpr double kNoticeably = 0.02;  // of the fit
+  all.push_back(candidate(search, all[simulator].order, Refinement::output_error, false));
+  const bool better = all.back().simulation > all[simulator].simulation + kNoticeably;
+  return better ? all.size() - 1 : simulator;
+}
+
 // Where nothing is said what the model is for: the likeliest one, unless another simulates better.
 std::size_t choose(const ModelSearch& search, std::vector<BlackBoxCandidate>& all) {
   if (search.structure != ModelStructure::states) {
@@ -201,11 +213,11 @@ std::size_t choose(const ModelSearch& search, std::vector<BlackBoxCandidate>& al
     refine_likeliest(search, all, 0);
     const bool simulates_as_well = all.back().simulation > all[simulator].simulation - kSameFit;
     if (simulates_as_well && !overfits(all)) return all.size() - 1;
-    if (all.back().order == all[simulator].order) return simulator;
+    if (all.back().order == all[simulator].order) return by_output_error(search, all, simulator);
   }
   all.push_back(candidate(search, all[simulator].order, Refinement::prediction_error, false));
   const bool better = all.back().simulation > all[simulator].simulation && !overfits(all);
-  return better ? all.size() - 1 : simulator;
+  return by_output_error(search, all, better ? all.size() - 1 : simulator);
 }
 
 Model with_channels(const Model& channels, const std::vector<Dataset>& recordings,
@@ -451,19 +463,67 @@ std::vector<Index> delays_of(const ModelSearch& search, const BlackBoxOptions& o
   return out;
 }
 
+// Held-out rows, and the states of the first ones.
+struct HeldOut {
+  SplitRecordings parts;
+  SubspaceStart start;
+};
+
+HeldOut held_out(SplitRecordings parts, const BlackBoxOptions& options) {
+  constexpr Index kMostHeldOut = 40000;  // rows
+  parts.rest = first_rows(parts.rest, kMostHeldOut);
+  SubspaceStart start =
+      subspace_start(parts.first, suitable_lags(parts.first, options.most_order), nullptr);
+  return {std::move(parts), std::move(start)};
+}
+
+// The best simulation of held-out rows by the first ones, of any order.
+double best_simulation(const HeldOut& of, const BlackBoxOptions& options) {
+  const auto most =
+      static_cast<int>(std::min<Index>(options.most_order, of.start.states.most_states()));
+  double best = -std::numeric_limits<double>::infinity();
+  for (int order = std::min(options.least_order, most); order <= most; ++order) {
+    BlackBoxCandidate each{order, Refinement::none,
+                           fitted(of.start, of.parts.first, order, Refinement::none, true)};
+    judge_on_held_out(each, of.parts.rest);
+    best = std::max(best, each.simulation);
+  }
+  return best;
+}
+
+// Recordings about zero, where that is what they move around. The mean of few slow swings is no operating point: what is taken
+// off for it is missing in all later rows. Channels that pass through zero all the time are likely to be deviations
+// already; others have to do noticeably better so on rows that were held out. Without inputs the mean is all that is known.
+std::optional<HeldOut> about_zero(const ScaledRecordings& from_mean, const HeldOut& by_means,
+                                  const BlackBoxOptions& options) {
+  constexpr double kThrough = 1.0, kFar = 10.0;  // by the channel's scatter
+  constexpr double kDoubt = 0.05;                // of the fit
+  const double far = farthest_mean(from_mean.point);
+  if (from_mean.point.u.size() == 0 || !(far < kFar)) return std::nullopt;
+  HeldOut out = held_out(split(from_zero(from_mean), 1.0 - options.held_out_share), options);
+  const double gain = best_simulation(out, options) - best_simulation(by_means, options);
+  if (!(gain > (far < kThrough ? -kDoubt : kSameFit))) return std::nullopt;
+  return out;
+}
+
+ModelSearch begun(const std::vector<Dataset>& recordings, const BlackBoxOptions& options) {
+  ScaledRecordings all = scaled(recordings);
+  HeldOut chosen = held_out(about_first_means(split(all, 1.0 - options.held_out_share)), options);
+  if (std::optional<HeldOut> zero = about_zero(all, chosen, options)) {
+    all = from_zero(std::move(all));
+    SubspaceStart of_all = subspace_start(all, zero->start.sums.lags, &zero->start.prior);
+    return {std::move(all), std::move(zero->parts), std::move(zero->start), std::move(of_all)};
+  }
+  SubspaceStart of_all = subspace_start(all, chosen.start.sums.lags, &chosen.start.prior);
+  return {std::move(all), std::move(chosen.parts), std::move(chosen.start), std::move(of_all)};
+}
+
 }  // namespace
 
 BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Dataset>& recordings,
                                   const BlackBoxOptions& options) {
   check_options(options);
-  ScaledRecordings all = scaled(recordings);
-  SplitRecordings parts = split(all, 1.0 - options.held_out_share);
-  constexpr Index kMostHeldOut = 40000;  // rows
-  parts.rest = first_rows(parts.rest, kMostHeldOut);
-  const Index lags = suitable_lags(parts.first, options.most_order);
-  SubspaceStart of_first = subspace_start(parts.first, lags, nullptr);
-  SubspaceStart of_all = subspace_start(all, lags, &of_first.prior);
-  ModelSearch search{std::move(all), std::move(parts), std::move(of_first), std::move(of_all)};
+  ModelSearch search = begun(recordings, options);
   search.has_inputs = !channels.inputs.empty();
   search.purpose = options.purpose;
   search.structure = options.structure;

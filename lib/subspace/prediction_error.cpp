@@ -5,7 +5,8 @@
 #include <vector>
 
 #include <Eigen/Cholesky>
-#include <Eigen/QR>
+
+#include "lib/subspace/internal/basis_changes.h"
 
 namespace identikal {
 namespace {
@@ -86,25 +87,22 @@ InnovationForm with_predictor_parameters(InnovationForm model, const VectorXd& t
   return model;
 }
 
-// A change of basis by T moves A by T A - A T, the inputs by T times themselves, C by -C T.
 MatrixXd local_coordinates(const InnovationForm& model) {
-  const ThetaLayout at(model);
-  const Index n = at.n, q = at.p + at.m;
-  const MatrixXd A = model.A - model.K * model.C;
-  MatrixXd input(n, q), tangents = MatrixXd::Zero(at.size, n * n);
+  MatrixXd input(model.states(), model.outputs() + model.inputs());
   input << model.K, model.B - model.K * model.D;
-  for (Index j = 0; j < n; ++j) {
-    for (Index i = 0; i < n; ++i) {
-      MatrixXd T = MatrixXd::Zero(n, n);
-      T(i, j) = 1.0;
-      tangents.col(j * n + i) << (T * A - A * T).reshaped(), (T * input).reshaped(),
-          (-model.C * T).reshaped(), VectorXd::Zero(at.size - at.D);
-    }
+  return directions_beside_basis_changes(model.A - model.K * model.C, input, model.C,
+                                         model.D.size());
+}
+
+MatrixXd gain_directions(const InnovationForm& model) {
+  const VectorXd here = predictor_parameters(model);
+  MatrixXd out(here.size(), model.K.size());
+  for (Index k = 0; k < model.K.size(); ++k) {
+    InnovationForm moved = model;
+    moved.K.reshaped()[k] += 1.0;  // theta is linear in K
+    out.col(k) = predictor_parameters(moved) - here;
   }
-  const Eigen::HouseholderQR<MatrixXd> qr(tangents);
-  MatrixXd rest = MatrixXd::Zero(at.size, at.size - n * n);
-  rest.bottomRows(at.size - n * n).setIdentity();
-  return qr.householderQ() * rest;
+  return out;
 }
 
 Index free_parameters(const InnovationForm& model) {

@@ -18,6 +18,9 @@ InnovationForm with_predictor_parameters(InnovationForm model, const Eigen::Vect
 /// one set of coordinates along them (McKelvey, Helmersson & Ribarits 2004, data-driven local coordinates).
 Eigen::MatrixXd local_coordinates(const InnovationForm& model);
 
+/// The directions of theta along which K alone changes, theta x n p.
+Eigen::MatrixXd gain_directions(const InnovationForm& model);
+
 /// Numbers of free parameters of a model in any basis: n(m + 2p) + p m (Ljung 1999, section 4.3).
 Eigen::Index free_parameters(const InnovationForm& model);
 

@@ -4,6 +4,9 @@
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
+
+#include "lib/subspace/internal/basis_changes.h"
 
 namespace identikal {
 namespace {
@@ -71,6 +74,62 @@ NormalEquations normal_equations(const InnovationForm& model, const MatrixXd& y,
   return sums;
 }
 
+// A model's matrices along one direction.
+struct Step {
+  MatrixXd A, B, C, D;
+};
+
+std::vector<Step> steps(const InnovationForm& model, const MatrixXd& directions) {
+  std::vector<Step> out;
+  for (Index k = 0; k < directions.cols(); ++k) {
+    const InnovationForm along = with_simulation_parameters(model, directions.col(k));
+    out.push_back({along.A, along.B, along.C, along.D});
+  }
+  return out;
+}
+
+// What a unit in every first state leaves in the outputs, sample by sample; zero where one is missing.
+MatrixXd first_state_responses(const InnovationForm& model, const MatrixXd& y) {
+  const Index p = model.outputs();
+  MatrixXd out(p * y.cols(), model.states()), now = model.C;
+  for (Index t = 0; t < y.cols(); ++t) {
+    for (Index i = 0; i < p; ++i) {
+      out.row(t * p + i) = (std::isfinite(y(i, t)) ? 1.0 : 0.0) * now.row(i);
+    }
+    now = now * model.A;
+  }
+  return out;
+}
+
+VectorXd errors_from(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
+                     const VectorXd& x0) {
+  const MatrixXd e = y - simulated_outputs(model, u, x0);
+  return e.reshaped().unaryExpr([](double x) { return std::isfinite(x) ? x : 0.0; });
+}
+
+// -dr along every direction, the first state held.
+MatrixXd slopes_from(const InnovationForm& model, const std::vector<Step>& along, const MatrixXd& y,
+                     const MatrixXd& u, VectorXd x) {
+  const Index p = model.outputs(), d = static_cast<Index>(along.size());
+  MatrixXd out(p * u.cols(), d), moved = MatrixXd::Zero(model.states(), d), next = moved;
+  for (Index t = 0; t < u.cols(); ++t) {
+    auto rows = out.middleRows(t * p, p);
+    rows.noalias() = model.C * moved;
+    next.noalias() = model.A * moved;
+    for (Index k = 0; k < d; ++k) {
+      const Step& step = along[static_cast<std::size_t>(k)];
+      rows.col(k).noalias() += step.C * x + step.D * u.col(t);
+      next.col(k).noalias() += step.A * x + step.B * u.col(t);
+    }
+    for (Index i = 0; i < p; ++i) {
+      if (!std::isfinite(y(i, t))) rows.row(i).setZero();
+    }
+    x = model.A * x + model.B * u.col(t);
+    moved.swap(next);
+  }
+  return out;
+}
+
 void regularise(MatrixXd& M) { M.diagonal().array() += 1e-11 * M.diagonal().maxCoeff(); }
 
 }  // namespace
@@ -102,6 +161,64 @@ InnovationForm with_inputs_by_simulation(InnovationForm model, const std::vector
   model.B = Eigen::Map<const MatrixXd>(found.data(), n, m);
   model.D = Eigen::Map<const MatrixXd>(found.data() + of_B, m, p).transpose();
   return model;
+}
+
+VectorXd simulation_parameters(const InnovationForm& model) {
+  VectorXd theta(model.A.size() + model.B.size() + model.C.size() + model.D.size());
+  theta << model.A.reshaped(), model.B.reshaped(), model.C.reshaped(), model.D.reshaped();
+  return theta;
+}
+
+InnovationForm with_simulation_parameters(InnovationForm model, const VectorXd& theta) {
+  Index at = 0;
+  for (MatrixXd* each : {&model.A, &model.B, &model.C, &model.D}) {
+    *each = theta.segment(at, each->size()).reshaped(each->rows(), each->cols());
+    at += each->size();
+  }
+  return model;
+}
+
+MatrixXd simulation_coordinates(const InnovationForm& model) {
+  return directions_beside_basis_changes(model.A, model.B, model.C, model.D.size());
+}
+
+SimulationErrorProblem::SimulationErrorProblem(const std::vector<MatrixXd>& y,
+                                               const std::vector<MatrixXd>& u)
+    : y_(y), u_(u) {
+  if (y.empty() || y.size() != u.size()) {
+    throw std::invalid_argument("SimulationErrorProblem: needs inputs of every recording");
+  }
+  for (std::size_t k = 0; k < y.size(); ++k) {
+    if (y[k].cols() != u[k].cols()) {
+      throw std::invalid_argument("SimulationErrorProblem: numbers of rows differ");
+    }
+    residuals_ += y[k].size();
+  }
+}
+
+bool SimulationErrorProblem::evaluate(const InnovationForm& model, const MatrixXd& directions,
+                                      VectorXd& r, MatrixXd* J) const {
+  r.resize(residuals_);
+  if (J != nullptr) J->resize(residuals_, directions.cols());
+  const std::vector<Step> along = J != nullptr ? steps(model, directions) : std::vector<Step>();
+  Index at = 0;
+  for (std::size_t k = 0; k < y_.size(); ++k) {
+    const Index size = y_[k].size();
+    const Eigen::ColPivHouseholderQR<MatrixXd> of_start(first_state_responses(model, y_[k]));
+    const VectorXd from_zero = errors_from(model, y_[k], u_[k], VectorXd::Zero(model.states()));
+    if (!from_zero.allFinite()) return false;
+    const VectorXd x0 = of_start.solve(from_zero);
+    const Index rank = of_start.rank();
+    const MatrixXd Q = of_start.householderQ() * MatrixXd::Identity(size, rank);
+    r.segment(at, size) = errors_from(model, y_[k], u_[k], x0);
+    if (J != nullptr) {
+      auto slopes = J->middleRows(at, size);
+      slopes = -slopes_from(model, along, y_[k], u_[k], x0);
+      slopes -= Q * (Q.transpose() * slopes).eval();
+    }
+    at += size;
+  }
+  return r.allFinite() && (J == nullptr || J->allFinite());
 }
 
 }  // namespace identikal

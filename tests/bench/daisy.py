@@ -14,8 +14,10 @@ import tempfile
 
 import numpy as np
 
+# The first eight were at hand when the rules were made; the others showed what was wrong with them.
 ANCHORS = {"robot_arm": 95.6, "dryer": 89.0, "cstr": 88.2, "CD_player_arm": 70.3, "glassfurnace": 58.4, "winding": 54.2,
-           "thermic_res_wall": 83.9, "steamgen": None}
+           "thermic_res_wall": 83.9, "steamgen": None, "ballbeam": 14.5, "evaporator": 58.6, "exchanger": 60.9, "flutter": 53.4,
+           "heating_system": 88.3, "powerplant": 51.7, "dryer2": 18.6, "pHdata": -30.1}
 
 
 def simulated(model, u, x):
@@ -63,6 +65,8 @@ def main(program, folder):
     total, of_anchors = 0.0, 0.0
     for name, anchor in ANCHORS.items():
         path = pathlib.Path(folder) / f"daisy_{name}.csv"
+        if not path.exists():
+            continue
         names = path.open().readline().strip().split(",")
         data = np.loadtxt(path, delimiter=",", skiprows=1)
         data = (data - data.mean(0)) / data.std(0)

@@ -146,15 +146,14 @@ LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& 
 namespace {
 
 // From here to the least squares of the predictions, weighed by the inverse of their covariance here.
-// @param last_gain  of log-likelihood, below which it ends
-InnovationForm one_search(const InnovationForm& from, const LaggedProducts& sums,
-                          double last_gain) {
+// @param directions  of the predictor's parameters; @param last_gain  of log-likelihood, below which it ends
+InnovationForm one_search(const InnovationForm& from, const MatrixXd& directions,
+                          const LaggedProducts& sums, double last_gain) {
   MatrixXd V = prediction_error_covariance(from, sums);
   V.diagonal() += 1e-14 * V.diagonal() + VectorXd::Constant(V.rows(), 1e-300);
   if (!std::isfinite(half_log_determinant(V))) return from;
   const PredictionErrorProblem errors(sums, V);
   const VectorXd theta = predictor_parameters(from);
-  const MatrixXd directions = local_coordinates(from);
   LeastSquares problem;
   MatrixXd J;
   problem.evaluate = [&](const VectorXd& along, VectorXd& r, LeastSquares::RowMatrix* of) {
@@ -185,7 +184,8 @@ InnovationForm refined(const InnovationForm& start, const ScaledRecordings& reco
   for (const double last_gain : {0.03, 0.01, 0.001}) {
     const bool far_back = !forgets(best, sums.lags);
     const InnovationForm model =
-        one_search(best, far_back ? sums_around(best, recordings, sums.lags) : sums, last_gain);
+        one_search(best, local_coordinates(best),
+                   far_back ? sums_around(best, recordings, sums.lags) : sums, last_gain);
     if (spectral_radius(model.A - model.K * model.C) >= 1.0) break;
     const double now = half_log_determinant(prediction_errors(model, recordings, sums));
     if (!(now < least)) break;
@@ -198,6 +198,53 @@ InnovationForm refined(const InnovationForm& start, const ScaledRecordings& reco
   return best;
 }
 
+namespace {
+
+// Rows of the work of a twentieth of a second for every step: more would cost more than they tell.
+ScaledRecordings affordable(const ScaledRecordings& recordings, double work_of_a_row) {
+  constexpr double kWork = 5e7;
+  return first_rows(recordings, std::max<Index>(static_cast<Index>(kWork / work_of_a_row), 2000));
+}
+
+// The gain of the likeliest predictions, all else held.
+InnovationForm with_likeliest_gain(const InnovationForm& from, const ScaledRecordings& recordings,
+                                   const LaggedProducts& sums) {
+  const InnovationForm found = one_search(from, gain_directions(from), sums, 0.01);
+  const double before = half_log_determinant(prediction_errors(from, recordings, sums));
+  const bool likelier = half_log_determinant(prediction_errors(found, recordings, sums)) < before;
+  const bool stable = spectral_radius(found.A - found.K * found.C) < 1.0;
+  return likelier && stable ? found : from;
+}
+
+// All of it by the errors of its simulation, from here on, no pole beyond the largest.
+InnovationForm by_simulation(const InnovationForm& from, const ScaledRecordings& recordings) {
+  const MatrixXd directions = simulation_coordinates(from);
+  const auto n = static_cast<double>(from.states()), d = static_cast<double>(directions.cols());
+  const ScaledRecordings enough = affordable(recordings, d * (2.0 * n * n + d));
+  const SimulationErrorProblem errors(enough.y, enough.u);
+  const VectorXd theta = simulation_parameters(from);
+  LeastSquares problem;
+  MatrixXd J;
+  problem.evaluate = [&](const VectorXd& along, VectorXd& r, LeastSquares::RowMatrix* of) {
+    const InnovationForm here = with_simulation_parameters(from, theta + directions * along);
+    if (spectral_radius(here.A) > kLargestPole) return false;
+    if (!errors.evaluate(here, directions, r, of != nullptr ? &J : nullptr)) return false;
+    if (of != nullptr) *of = J;
+    return true;
+  };
+  problem.residuals = errors.residuals();
+  problem.lower.setConstant(directions.cols(), -std::numeric_limits<double>::infinity());
+  problem.upper = -problem.lower;
+  SolverOptions options;
+  options.max_iterations = 10;
+  options.function_tolerance = 1e-3;
+  options.normal_equations = true;
+  const VectorXd found = solve(problem, VectorXd::Zero(directions.cols()), options).x;
+  return with_simulation_parameters(from, theta + directions * found);
+}
+
+}  // namespace
+
 InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& recordings, int order,
                       Refinement how, bool stable) {
   InnovationForm model = start.states.model(order);
@@ -205,13 +252,15 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
     model = refined(with_stable_predictor(model), recordings, start.sums);
   const bool was_stable = spectral_radius(model.A) <= kLargestPole;
   if (stable) model = with_poles_within(std::move(model), kLargestPole);
-  if (recordings.u.front().rows() > 0 &&
-      (how == Refinement::simulation || (stable && !was_stable))) {
-    // Rows of the work of a twentieth of a second: more would cost more than they tell.
+  const bool by_inputs = how == Refinement::simulation || how == Refinement::output_error;
+  if (recordings.u.front().rows() > 0 && (by_inputs || (stable && !was_stable))) {
     const auto n = static_cast<double>(order), m = static_cast<double>(model.inputs());
-    const auto affordable = static_cast<Index>(5e7 / (n * n * n * m));
-    const ScaledRecordings enough = first_rows(recordings, std::max<Index>(affordable, 2000));
+    const ScaledRecordings enough = affordable(recordings, n * n * n * m);
     model = with_inputs_by_simulation(std::move(model), enough.y, enough.u);
+    if (how == Refinement::output_error) {
+      model = with_stable_predictor(by_simulation(model, recordings));
+      model = with_likeliest_gain(model, recordings, start.sums);
+    }
   }
   return with_stable_predictor(model);
 }

@@ -36,6 +36,7 @@ SubspaceStart subspace_start(const ScaledRecordings& recordings, Eigen::Index la
 enum class Refinement {
   none,              ///< regression on the states
   simulation,        ///< B and D by simulation
+  output_error,      ///< all but K by simulation
   prediction_error,  ///< all of it by the prediction error method
   polynomials,       ///< the prediction error method of polynomials
 };

@@ -7,8 +7,6 @@
 #include <fmt/format.h>
 
 #include "lib/base/error.h"
-#include "lib/statistics/long_run_covariance.h"
-
 namespace identikal {
 namespace {
 
@@ -17,38 +15,25 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 struct ChannelScale {
-  double mean = 0.0, sd = 0.0, mean_se = 0.0;
+  double mean = 0.0, sd = 0.0;
 };
 
 // Of one channel, through all recordings; missing samples do not count.
 ChannelScale channel_scale(const std::vector<Dataset>& recordings, const MatrixXd Dataset::*of,
                            Index channel) {
-  std::vector<double> values;
-  for (const Dataset& each : recordings) {
-    for (const double x : (each.*of).row(channel)) {
-      if (std::isfinite(x)) values.push_back(x);
+  double count = 0.0, sum = 0.0, squares = 0.0;
+  const auto for_each = [&](const auto& take) {
+    for (const Dataset& each : recordings) {
+      for (const double x : (each.*of).row(channel)) {
+        if (std::isfinite(x)) take(x);
+      }
     }
-  }
-  const auto count = static_cast<Index>(values.size());
-  if (count < 2) return {};
-  Eigen::RowVectorXd deviation = Eigen::Map<const Eigen::RowVectorXd>(values.data(), count);
-  ChannelScale out;
-  out.mean = deviation.mean();
-  deviation.array() -= out.mean;
-  out.sd = std::sqrt(deviation.squaredNorm() / static_cast<double>(count));
-  constexpr Index kWidest = 1000;
-  const Index bandwidth = andrews_bandwidth(deviation, std::clamp<Index>(count / 8, 1, kWidest));
-  out.mean_se =
-      std::sqrt(long_run_covariance(deviation, bandwidth)(0, 0)) / static_cast<double>(count);
-  return out;
-}
-
-// Is every channel within two standard errors of zero?
-bool are_deviations(const std::vector<ChannelScale>& channels) {
-  for (const ChannelScale& each : channels) {
-    if (std::abs(each.mean) > 2.0 * each.mean_se) return false;
-  }
-  return true;
+  };
+  for_each([&](double x) { sum += x, count += 1.0; });
+  if (count < 2.0) return {};
+  const double mean = sum / count;
+  for_each([&](double x) { squares += (x - mean) * (x - mean); });
+  return {mean, std::sqrt(squares / count)};
 }
 
 std::vector<ChannelScale> channel_scales(const std::vector<Dataset>& recordings,
@@ -84,15 +69,13 @@ ScaledRecordings scaled(const std::vector<Dataset>& recordings) {
   }
   const std::vector<ChannelScale> of_y = channel_scales(recordings, &Dataset::y, first.outputs);
   const std::vector<ChannelScale> of_u = channel_scales(recordings, &Dataset::u, first.inputs);
-  const bool centred = are_deviations(of_y) && are_deviations(of_u);
   ScaledRecordings out;
   const auto fill = [&](const std::vector<ChannelScale>& channels, VectorXd& at, VectorXd& sd) {
-    at.setZero(static_cast<Index>(channels.size()));
+    at.resize(static_cast<Index>(channels.size()));
     sd.resize(at.size());
     for (Index c = 0; c < at.size(); ++c) {
-      const ChannelScale& each = channels[static_cast<std::size_t>(c)];
-      if (!centred) at[c] = each.mean;
-      sd[c] = each.sd;
+      at[c] = channels[static_cast<std::size_t>(c)].mean;
+      sd[c] = channels[static_cast<std::size_t>(c)].sd;
     }
   };
   fill(of_y, out.point.y, out.point.y_sd);
@@ -102,6 +85,21 @@ ScaledRecordings scaled(const std::vector<Dataset>& recordings) {
     out.u.push_back(out.point.u_sd.cwiseInverse().asDiagonal() * (each.u.colwise() - out.point.u));
   }
   return out;
+}
+
+double farthest_mean(const OperatingPoint& point) {
+  return std::max(point.y.cwiseQuotient(point.y_sd).lpNorm<Eigen::Infinity>(),
+                  point.u.cwiseQuotient(point.u_sd).lpNorm<Eigen::Infinity>());
+}
+
+ScaledRecordings from_zero(ScaledRecordings recordings) {
+  OperatingPoint& point = recordings.point;
+  const VectorXd y = point.y.cwiseQuotient(point.y_sd), u = point.u.cwiseQuotient(point.u_sd);
+  for (MatrixXd& each : recordings.y) each.colwise() += y;
+  for (MatrixXd& each : recordings.u) each.colwise() += u;
+  point.y.setZero();
+  point.u.setZero();
+  return recordings;
 }
 
 SplitRecordings split(const ScaledRecordings& all, double share) {
@@ -116,6 +114,26 @@ SplitRecordings split(const ScaledRecordings& all, double share) {
     out.rest.u.push_back(all.u[k].rightCols(rows - before));
   }
   return out;
+}
+
+SplitRecordings about_first_means(SplitRecordings parts) {
+  const auto of_rows = [](const std::vector<MatrixXd>& recordings) {
+    VectorXd sum = VectorXd::Zero(recordings.front().rows()), count = sum;
+    for (const MatrixXd& each : recordings) {
+      const auto there = each.array().isFinite();
+      sum += there.select(each, 0.0).rowwise().sum().matrix();
+      count += there.cast<double>().rowwise().sum().matrix();
+    }
+    return VectorXd(sum.cwiseQuotient(count.cwiseMax(1.0)));
+  };
+  const VectorXd y = of_rows(parts.first.y), u = of_rows(parts.first.u);
+  for (ScaledRecordings* part : {&parts.first, &parts.rest}) {
+    for (MatrixXd& each : part->y) each.colwise() -= y;
+    for (MatrixXd& each : part->u) each.colwise() -= u;
+    part->point.y += y.cwiseProduct(part->point.y_sd);
+    part->point.u += u.cwiseProduct(part->point.u_sd);
+  }
+  return parts;
 }
 
 ScaledRecordings first_rows(const ScaledRecordings& all, Index rows) {

@@ -15,7 +15,7 @@ inline constexpr Eigen::Index kEnoughRows = 200000;
 
 /// z = (recorded - at) / sd of every channel, outputs first.
 struct OperatingPoint {
-  Eigen::VectorXd y, u;        ///< SI; 0 where recordings do not tell it from 0
+  Eigen::VectorXd y, u;        ///< SI
   Eigen::VectorXd y_sd, u_sd;  ///< above 0
 };
 
@@ -25,16 +25,22 @@ struct ScaledRecordings {
   Eigen::Index rows() const;
 };
 
-/// The operating point is the mean of all rows, unless every channel's mean is within two of its standard errors
-/// of zero: then they are deviations already, and a mean would be noise.
+/// With the mean of all rows as operating point.
 /// @throws InputError for a channel that never changes, by its name, and for an input with gaps
 ScaledRecordings scaled(const std::vector<Dataset>& recordings);
+
+/// The largest mean of a channel, by the channel's own scatter: how far from zero recordings are.
+double farthest_mean(const OperatingPoint& point);
+/// The same recordings with zero as operating point.
+ScaledRecordings from_zero(ScaledRecordings recordings);
 
 /// The first `share` of every recording, and the rest.
 struct SplitRecordings {
   ScaledRecordings first, rest;
 };
 SplitRecordings split(const ScaledRecordings& all, double share);
+/// Both as deviations from the means of the first part: held-out rows are not to tell their own.
+SplitRecordings about_first_means(SplitRecordings parts);
 
 /// The first rows of recordings, at most so many of all together; the last recording of them may be shortened.
 ScaledRecordings first_rows(const ScaledRecordings& all, Eigen::Index rows);

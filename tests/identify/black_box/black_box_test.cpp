@@ -163,6 +163,48 @@ TEST(BlackBox, AnOperatingPointIsTakenOutWhereThereIsOne) {
   EXPECT_LT(excess_error(moved, Plant{}), 0.03);
 }
 
+// Six tenths of a slow swing have a mean that the whole one has not.
+TEST(BlackBox, TheMeanOfASlowSwingIsNoOperatingPoint) {
+  const Plant plant;
+  Random random(5);
+  Record record{VectorXd(600), VectorXd(600)};
+  VectorXd x = VectorXd::Zero(3);
+  for (Index t = 0; t < 600; ++t) {
+    record.u[t] =
+        0.5 * random.normal() + 2.0 * std::sin(2.0 * M_PI * static_cast<double>(t) / 1000.0);
+    const double e = plant.noise * random.normal();
+    record.y[t] = plant.C * x + e;
+    x = (plant.A * x + plant.B * record.u[t] + plant.K * e).eval();
+  }
+  const auto point = [](const BlackBoxResult& result) {
+    return result.estimate.black_box.operating_point;
+  };
+  EXPECT_EQ(point(found(record))[0].value, 0.0);
+  EXPECT_EQ(point(found(record))[1].value, 0.0);
+  record.y.array() += 100.0;
+  record.u.array() += 50.0;
+  EXPECT_NEAR(point(found(record))[0].value, record.u.mean(), 1e-9);
+}
+
+// One state for two poles: the predictions' is that of the drift, the simulation's that of what the input does.
+TEST(BlackBox, SimulatesByOutputErrorWhereThatIsBetter) {
+  Random random(3);
+  const Index rows = 3000;
+  Record record{VectorXd(rows), VectorXd(rows)};
+  double x = 0.0, drift = 0.0;
+  for (Index t = 0; t < rows; ++t) {
+    record.u[t] = random.normal();
+    record.y[t] = x + drift;
+    drift = 0.995 * drift + 0.15 * random.normal();
+    x = 0.6 * x + record.u[t];
+  }
+  const BlackBoxResult result = found(record, {.most_order = 1});
+  EXPECT_EQ(result.estimate.black_box.refinement, "output_error");
+  // Least squares of y beside drift of an sd of 1.5 that 3000 rows see some ten times.
+  EXPECT_NEAR(result.estimate.black_box.poles[0].real, 0.6, 0.1);
+  EXPECT_NEAR(result.estimate.black_box.gain(0, 0), 2.5, 0.7);
+}
+
 TEST(BlackBox, TheModelFileIsTheModel) {
   BlackBoxResult result = found(recorded(Plant{}, 1500, 6));
   result.model.inputs[0].column = "voltage";

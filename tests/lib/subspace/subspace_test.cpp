@@ -295,6 +295,79 @@ TEST(SimulationError, InputsAreThoseOfDenseLeastSquares) {
   EXPECT_LT((found.D - dense.segment(2, 2)).norm(), 1e-7);
 }
 
+// The squares of the simulation's errors from the best first states, by dense linear algebra.
+double squares_of(const InnovationForm& model, const std::vector<Record>& records) {
+  double sum = 0.0;
+  for (const Record& each : records) {
+    VectorXd e = (each.y - simulated_outputs(model, each.u, VectorXd::Zero(2))).reshaped();
+    MatrixXd start(e.size(), 2);
+    for (Index c = 0; c < 2; ++c) {
+      start.col(c) =
+          simulated_outputs(model, MatrixXd::Zero(1, each.u.cols()), VectorXd::Unit(2, c))
+              .reshaped();
+    }
+    for (Index i = 0; i < e.size(); ++i) {
+      if (std::isfinite(e[i])) continue;
+      e[i] = 0.0;
+      start.row(i).setZero();
+    }
+    sum += (e - start * start.colPivHouseholderQr().solve(e)).squaredNorm();
+  }
+  return sum;
+}
+
+TEST(SimulationErrorProblem, GradientIsThatOfDifferences) {
+  InnovationForm model = two_states();
+  Record first = recorded(model, 60, 8), second = recorded(model, 45, 9);
+  first.y(1, 12) = std::numeric_limits<double>::quiet_NaN();
+  model.A(0, 1) += 0.05;
+  model.B(0, 0) -= 0.2;
+  const SimulationErrorProblem errors({first.y, second.y}, {first.u, second.u});
+  const VectorXd theta = simulation_parameters(model);
+  const MatrixXd all = MatrixXd::Identity(theta.size(), theta.size());
+  VectorXd r;
+  MatrixXd J;
+  ASSERT_TRUE(errors.evaluate(model, all, r, &J));
+  ASSERT_EQ(r.size(), errors.residuals());
+  EXPECT_NEAR(r.squaredNorm(), squares_of(model, {first, second}), 1e-10);
+  // The derivative of Kaufman gives the gradient exactly: J' r.
+  const VectorXd gradient = 2.0 * J.transpose() * r;
+  constexpr double kStep = 1e-6;
+  for (Index k = 0; k < theta.size(); ++k) {
+    const auto at = [&](double step) {
+      const VectorXd there = theta + step * VectorXd::Unit(theta.size(), k);
+      return squares_of(with_simulation_parameters(model, there), {first, second});
+    };
+    EXPECT_NEAR(gradient[k], (at(kStep) - at(-kStep)) / (2.0 * kStep), 1e-5 * gradient.norm()) << k;
+  }
+}
+
+TEST(SimulationErrorProblem, DirectionsAreNoChangeOfBasis) {
+  const InnovationForm model = two_states();
+  const MatrixXd directions = simulation_coordinates(model);
+  EXPECT_EQ(directions.cols(), directions.rows() - 4);
+  constexpr double kStep = 1e-6;
+  MatrixXd T = MatrixXd::Identity(2, 2);
+  T += kStep * MatrixXd{{0.3, -0.7}, {0.5, 0.2}};
+  InnovationForm turned = model;
+  turned.A = T * model.A * T.inverse();
+  turned.B = T * model.B;
+  turned.C = model.C * T.inverse();
+  const VectorXd moved = (simulation_parameters(turned) - simulation_parameters(model)) / kStep;
+  EXPECT_LT((directions.transpose() * moved).norm(), 1e-5 * moved.norm());
+}
+
+TEST(PredictionErrorProblem, GainDirectionsMoveTheGainAlone) {
+  const InnovationForm model = two_states();
+  const VectorXd step{{0.1, -0.2, 0.05, 0.3}};
+  const InnovationForm moved =
+      with_predictor_parameters(model, predictor_parameters(model) + gain_directions(model) * step);
+  EXPECT_LT((moved.K.reshaped() - model.K.reshaped() - step).norm(), 1e-14);
+  EXPECT_LT((moved.A - model.A).norm() + (moved.B - model.B).norm() + (moved.C - model.C).norm() +
+                (moved.D - model.D).norm(),
+            1e-14);
+}
+
 TEST(InnovationForm, FirstStateOfASimulation) {
   const InnovationForm model = two_states();
   const VectorXd x0{{0.7, -1.2}};
