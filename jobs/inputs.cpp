@@ -1,7 +1,10 @@
 #include "jobs/inputs.h"
 
 #include <filesystem>
+#include <memory>
+#include <mutex>
 #include <utility>
+#include <vector>
 
 #include "identify/model/model_file.h"
 #include "identify/model/yaml_reader.h"
@@ -21,20 +24,41 @@ std::string sha256_of_samples(const Table& table) {
   return sha256_of_text(bytes);
 }
 
-// What a program gives job after job: parsing it takes longer than many a job. Each thread has its
-// own; a text that includes files is parsed again, for they may change.
 struct ParsedModel {
   std::string text, name;
   Model model;
 };
 
-const Model& parsed_once(const std::string& text, const std::string& name) {
-  thread_local ParsedModel last;
-  if (last.text.empty() || last.text != text || last.name != name) {
-    Model model = parse_model_file(text, name);
-    last = {text, name, std::move(model)};
+// What programs give job after job: parsing it takes longer than many a job. One for all threads: for the destructor of a thread's
+// own the C library takes memory, and ends the program where there is none. A text that includes files is no part of it, for
+// they may change.
+class ParsedModels {
+ public:
+  std::shared_ptr<const ParsedModel> find(const std::string& text, const std::string& name) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const auto& each : all_) {
+      if (each->text == text && each->name == name) return each;
+    }
+    return nullptr;
   }
-  return last.model;
+  void keep(std::shared_ptr<const ParsedModel> parsed) {
+    constexpr std::size_t kMost = 8;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (all_.size() == kMost) all_.erase(all_.begin());
+    all_.push_back(std::move(parsed));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::shared_ptr<const ParsedModel>> all_;  // the oldest first
+};
+
+Model parsed_once(const std::string& text, const std::string& name) {
+  static ParsedModels known;
+  if (const std::shared_ptr<const ParsedModel> found = known.find(text, name)) return found->model;
+  Model model = parse_model_file(text, name);
+  known.keep(std::make_shared<const ParsedModel>(ParsedModel{text, name, model}));
+  return model;
 }
 
 }  // namespace

@@ -220,6 +220,26 @@ std::size_t choose(const ModelSearch& search, std::vector<BlackBoxCandidate>& al
   return by_output_error(search, all, better ? all.size() - 1 : simulator);
 }
 
+// The choice, fitted to all rows; a model whose predictions of them overflow is none.
+std::size_t choose_finite(const ModelSearch& search, std::vector<BlackBoxCandidate>& all) {
+  std::size_t chosen = choose(search, all);
+  for (;;) {
+    BlackBoxCandidate& best = all[chosen];
+    const bool of_states = best.polynomials.empty();
+    if (of_states && !std::isfinite(best.bic)) fit_to_all_rows(search, best);
+    if (best.model.A.allFinite() && best.model.K.allFinite() && best.model.sigma.allFinite()) {
+      return chosen;
+    }
+    all.erase(all.begin() + static_cast<std::ptrdiff_t>(chosen));
+    if (all.empty()) {
+      throw InputError({}, "no order has a model whose predictions stay finite",
+                       "recordings that a linear model of these orders can follow",
+                       "fewer states: a lower --order");
+    }
+    chosen = search.simulates() ? best_simulation(all) : least_bic(all);
+  }
+}
+
 Model with_channels(const Model& channels, const std::vector<Dataset>& recordings,
                     const InnovationForm& found, const OperatingPoint& point) {
   const Dataset& first = recordings.front();
@@ -534,9 +554,7 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   const bool of_states = options.structure == ModelStructure::states;
   std::vector<BlackBoxCandidate> tried =
       of_states ? candidates(search, options) : polynomial_candidates(search, options);
-  const std::size_t best = choose(search, tried);
-  if (of_states && !std::isfinite(tried[best].bic)) fit_to_all_rows(search, tried[best]);
-  const BlackBoxCandidate& chosen = tried[best];
+  const BlackBoxCandidate& chosen = tried[choose_finite(search, tried)];
 
   BlackBoxResult out;
   out.model = with_channels(channels, recordings, in_units(chosen.model, search.all.point),

@@ -127,15 +127,40 @@ InnovationForm with_stable_predictor(const InnovationForm& model) {
   return out;
 }
 
+namespace {
+
+// The blocks of the real Schur form scaled: without eigenvectors, of which defective poles have too few.
+MatrixXd schur_within(const MatrixXd& A, double radius) {
+  const Eigen::RealSchur<MatrixXd> schur(A);
+  MatrixXd T = schur.matrixT();
+  const Index n = A.rows();
+  for (Index i = 0; i < n;) {
+    const Index size = i + 1 < n && T(i + 1, i) != 0.0 ? 2 : 1;
+    auto block = T.block(i, i, size, size);
+    const double largest = spectral_radius(block);
+    if (largest > radius) block *= radius / largest;
+    i += size;
+  }
+  return schur.matrixU() * T * schur.matrixU().transpose();
+}
+
+}  // namespace
+
 InnovationForm with_poles_within(InnovationForm model, double radius) {
   if (spectral_radius(model.A) <= radius) return model;
   const Eigen::EigenSolver<MatrixXd> modes(model.A);
   VectorXcd poles = modes.eigenvalues();
+  const MatrixXcd V = modes.eigenvectors(), inverse = V.inverse();
+  constexpr double kExact = 1e-6;
+  const double wrong = ((V * poles.asDiagonal() * inverse).real() - model.A).norm();
+  if (!(wrong < kExact * model.A.norm())) {
+    model.A = schur_within(model.A, radius);
+    return model;
+  }
   for (std::complex<double>& pole : poles) {
     if (std::abs(pole) > radius) pole *= radius / std::abs(pole);
   }
-  const MatrixXcd V = modes.eigenvectors();
-  model.A = (V * poles.asDiagonal() * V.inverse()).real();
+  model.A = (V * poles.asDiagonal() * inverse).real();
   return model;
 }
 

@@ -258,6 +258,12 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
     const ScaledRecordings enough = affordable(recordings, n * n * n * m);
     model = with_inputs_by_simulation(std::move(model), enough.y, enough.u);
     if (how == Refinement::output_error) {
+      // Poles at the limit cannot move: two of them leave it at any step.
+      constexpr double kInside = 0.98;
+      if (!was_stable) {
+        model = with_inputs_by_simulation(with_poles_within(std::move(model), kInside), enough.y,
+                                          enough.u);
+      }
       model = with_stable_predictor(by_simulation(model, recordings));
       model = with_likeliest_gain(model, recordings, start.sums);
     }
