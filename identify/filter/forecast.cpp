@@ -1,5 +1,6 @@
 #include "identify/filter/forecast.h"
 
+#include <cmath>
 #include <ostream>
 
 #include <fmt/format.h>
@@ -12,9 +13,9 @@
 #include "identify/filter/report.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/check.h"
+#include "identify/model/recorded_scale.h"
 #include "identify/result/csv.h"
 #include "lib/base/error.h"
-#include "lib/data/units.h"
 
 namespace identikal {
 namespace {
@@ -82,18 +83,21 @@ Dataset with_rows_ahead(const Model& model, const Dataset& recording, Index rows
 
 namespace {
 
-Forecast in_units(const std::vector<Channel>& outputs, const MatrixXd& mean, const MatrixXd& sd) {
+// As the recording has its outputs.
+Forecast as_recorded(const Model& model, const std::vector<Channel>& outputs, const MatrixXd& mean,
+                     const MatrixXd& sd) {
   const double wide = normal_quantile(0.975);
   Forecast out;
   out.mean = mean;
   out.sd = sd;
   for (Index i = 0; i < mean.rows(); ++i) {
     const Channel& channel = outputs[static_cast<std::size_t>(i)];
-    const Unit unit = unit_or_dimensionless(channel.unit);
+    const RecordedScale to =
+        recorded_scale(model.outputs[static_cast<std::size_t>(i)], channel.unit);
     out.names.push_back(channel.name);
     out.units.push_back(channel.unit);
-    out.mean.row(i) = (mean.row(i).array() - unit.offset) / unit.scale;
-    out.sd.row(i) /= unit.scale;
+    out.mean.row(i) = to.factor * mean.row(i).array() + to.shift;
+    out.sd.row(i) *= std::abs(to.factor);
   }
   out.low = out.mean - wide * out.sd;
   out.high = out.mean + wide * out.sd;
@@ -120,7 +124,7 @@ OutputForecast forecast(const Model& given, const Dataset& recording, Index rows
   }
   const MatrixXd mean =
       outputs_from(model, model.parameters, samples_from(all, N), filter.x_pred.col(N));
-  out.forecast = in_units(recording.outputs, mean, filter.e_sd.rightCols(rows));
+  out.forecast = as_recorded(model, recording.outputs, mean, filter.e_sd.rightCols(rows));
   out.forecast.time = all.time.tail(rows);
   conclude(out, fmt::format("{} rows ahead of {}", rows, recording.name), Basis::tests);
   return out;

@@ -17,12 +17,12 @@ namespace identikal {
 ///
 ///   E[y(N + h) | y(1), ..., y(N)],   sd^2 = C P C' + R,   h = 1 ... rows.
 ///
-/// The parameters count as known. Of a nonlinear model, mean and covariance are the filter's own.
+/// in the units of the recording's columns, `scale` and `offset` of the model file undone. The parameters count as known. Of a nonlinear model, mean and covariance are the filter's own.
 ///
 /// Example:
 ///
 ///     const OutputForecast ahead = forecast(model, recordings[0], 24);
-///     const Eigen::VectorXd next = ahead.forecast.mean.col(0);  // in the outputs' units
+///     const Eigen::VectorXd next = ahead.forecast.mean.col(0);  // as the recording has them
 ///
 /// @param model   with a filter
 /// @param rows    how many, at least 1

@@ -1,5 +1,7 @@
 #include "identify/filter/model_filter.h"
 
+#include <Eigen/Eigenvalues>
+
 #include "identify/filter/changing_recordings.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/filter/student_filter.h"
@@ -38,6 +40,18 @@ FilterResult run_filter(const Model& model, const ParameterSet& parameters,
                        model_inputs(linear, recording.u), keep);
 }
 
+namespace {
+
+// What rounding has left of the variances of states that are known exactly may be below zero.
+Eigen::MatrixXd without_negative_variances(const Eigen::MatrixXd& P) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modes(P);
+  const Eigen::VectorXd root = modes.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  const Eigen::MatrixXd factor = modes.eigenvectors() * root.asDiagonal();
+  return factor * factor.transpose();
+}
+
+}  // namespace
+
 std::optional<Model> going_on(Model model, const ParameterSet& parameters, const Dataset& recording,
                               Index from) {
   if (from == 0) return std::nullopt;
@@ -48,7 +62,8 @@ std::optional<Model> going_on(Model model, const ParameterSet& parameters, const
   start.stationary.clear();
   start.known.clear();
   start.x0 = constant_matrix(before.x_pred.col(from));
-  start.P0 = constant_matrix(before.P_pred[static_cast<std::size_t>(from)]);
+  start.P0 =
+      constant_matrix(without_negative_variances(before.P_pred[static_cast<std::size_t>(from)]));
   return model;
 }
 

@@ -8,10 +8,10 @@
 #include "identify/filter/forecast.h"
 #include "identify/filter/model_filter.h"
 #include "identify/filter/report.h"
+#include "identify/model/recorded_scale.h"
 #include "identify/result/csv.h"
 #include "identify/simulation/simulate.h"
 #include "lib/base/random.h"
-#include "lib/data/units.h"
 
 namespace identikal {
 
@@ -31,8 +31,9 @@ Scenarios simulate_scenarios(const Model& model, const Dataset& recording, Index
   for (int number = 0; number < count; ++number) {
     MatrixXd y = simulated_outputs(*start, ahead, random);
     for (Index i = 0; i < y.rows(); ++i) {
-      const Unit unit = unit_or_dimensionless(recording.outputs[static_cast<std::size_t>(i)].unit);
-      y.row(i) = (y.row(i).array() - unit.offset) / unit.scale;
+      const auto at = static_cast<std::size_t>(i);
+      const RecordedScale to = recorded_scale(model.outputs[at], recording.outputs[at].unit);
+      y.row(i) = to.factor * y.row(i).array() + to.shift;
     }
     out.y.push_back(std::move(y));
   }

@@ -17,7 +17,7 @@ namespace identikal {
 struct Scenarios {
   std::vector<std::string> names, units;  ///< of the outputs
   Eigen::VectorXd time;                   ///< rows [s]
-  std::vector<Eigen::MatrixXd> y;         ///< of each of them, ny x rows, in the outputs' units
+  std::vector<Eigen::MatrixXd> y;         ///< of each of them, ny x rows, as the recording has them
 };
 
 /// Draws from p(y(N+1), ..., y(N+rows) | y(1), ..., y(N)), jointly over all rows: x(N+1) from what the

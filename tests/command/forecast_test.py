@@ -1,6 +1,7 @@
 """forecast: outputs behind the last row, with intervals."""
 import json
 import math
+import pathlib
 import unittest
 
 from program import NILE, Folder, run, table
@@ -53,6 +54,38 @@ class Forecast(unittest.TestCase):
             run("forecast", *NILE, "-n", 5, *self.VALUES, "--scenarios", 2000, "--seed", 3, "-o", made.path / "out", code=0)
             self.assertEqual(paths, table((made.path / "out/scenarios.csv").read_text())[1])
         self.assertIn("--seed does not apply", run("forecast", *NILE, "-n", 5, "--seed", 3, code=2).stderr)
+
+    def test_it_is_as_the_recording_has_it(self):
+        """The Nile in a column of other numbers: level = 4000 - 2 recorded; intervals and scenarios alike."""
+        text = pathlib.Path(NILE[0]).read_text()
+        lines = [line.split(",") for line in pathlib.Path(NILE[1]).read_text().split()]
+        with Folder() as made:
+            self.assertIn("column: volume}", text)
+            model = made.write("other.yaml", text.replace("column: volume}", "column: volume, scale: -2, offset: 4000}"))
+            other = made.write("other.csv", "\n".join([",".join(lines[0]), *(f"{year},{(4000 - float(flow)) / 2!r}" for year, flow in lines[1:])]))
+            ahead = "-n", 3, *self.VALUES
+            expected = table(run("forecast", *NILE, *ahead, code=0).stdout)[1]
+            for row, (_, mean, sd, low, high) in zip(expected, table(run("forecast", model, other, *ahead, code=0).stdout)[1]):
+                for value, there in zip(row[1:], (4000 - 2 * mean, 2 * sd, 4000 - 2 * high, 4000 - 2 * low)):
+                    self.assertAlmostEqual(value, there, delta=1e-5)
+            expected = table(run("forecast", *NILE, *ahead, "--scenarios", 50, code=0).stdout)[1]
+            for row, there in zip(expected, table(run("forecast", model, other, *ahead, "--scenarios", 50, code=0).stdout)[1]):
+                for value, recorded in zip(row[1:], there[1:]):
+                    self.assertAlmostEqual(value, 4000 - 2 * recorded, delta=1e-5)
+
+    def test_a_model_from_data_is_gone_on_from(self):
+        """Its operating point is far from zero, and its states follow exactly from what was measured."""
+        with Folder() as made:
+            rows, x = ["u,y"], 0.0
+            for t in range(300):
+                u = (t * 7919 % 13) / 6.0 - 1.0
+                rows.append(f"{u + 50!r},{x + 100 + 0.01 * ((t * 104729) % 11 - 5)!r}")
+                x = 0.9 * x + 0.2 * u
+            log, model = made.write("log.csv", "\n".join(rows)), str(made.path / "m.yaml")
+            run("model", log, "--input", "u", "--output", "y", "-o", model)
+            for more in ((), ("--scenarios", 3)):
+                for row in table(run("forecast", model, log, "-n", 2, "--inputs", log, *more).stdout)[1]:
+                    self.assertLess(abs(row[1] - 100), 3)
 
     def test_values_that_were_found(self):
         with Folder() as made:
