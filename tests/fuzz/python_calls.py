@@ -25,8 +25,17 @@ def random_object(of, depth=0):
     return np.zeros(of.integers(5), dtype=of.choice(["f4", "i8", "M8[s]", "U3", "O"]))
 
 
+def first_of_each(model, data, warn, **options):
+    """On threads of their own; an empty list of recordings has no first one."""
+    given = data if isinstance(data, list) else [data, data, None]
+    results = list(ik.each("tune", model, given, threads=2, **options))
+    if not results:
+        raise ik.InputError("no recording")
+    return results[0]
+
+
 def random_call(of):
-    verbs = [ik.tune, ik.check, ik.filter, ik.smooth, ik.bound, ik.simulate, ik.shape, ik.track, ik.validate, ik.forecast, ik.fit]
+    verbs = [ik.tune, ik.check, ik.filter, ik.smooth, ik.bound, ik.simulate, ik.shape, ik.track, ik.validate, ik.forecast, ik.fit, first_of_each]
     keys = ["A", "C", "Q", "R", "G", "B", "S", "initial", "step", "outputs", "inputs", "continuous", "parameters"]
     given = {"A": 0.9, "C": 1, "step": 1.0}
     for _ in range(of.integers(3)):
