@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include <Eigen/LU>
 #include <fmt/format.h>
 
 #include "identify/black_box/internal/candidates.h"
@@ -538,6 +539,33 @@ ModelSearch begun(const std::vector<Dataset>& recordings, const BlackBoxOptions&
   return {std::move(all), std::move(chosen.parts), std::move(chosen.start), std::move(of_all)};
 }
 
+// The level of the outputs for which the model's innovations have no mean: means of transients are others. Of c added to y
+// the innovations keep (I - C (I - A + K C)^-1 K) c.
+void take_level(ModelSearch& search, BlackBoxCandidate& chosen) {
+  constexpr double kFollows = 1e-2;  // an integrator follows any level
+  const InnovationForm& model = chosen.model;
+  const Index n = model.states(), p = model.outputs();
+  if (search.all.point.y.isZero(0.0)) return;
+  const MatrixXd settle = MatrixXd::Identity(n, n) - model.A + model.K * model.C;
+  const MatrixXd kept = MatrixXd::Identity(p, p) - model.C * settle.partialPivLu().solve(model.K);
+  const Eigen::PartialPivLU<MatrixXd> factor(kept);
+  if (!kept.allFinite() || !(factor.rcond() > kFollows)) return;
+  VectorXd sum = VectorXd::Zero(p), count = sum;
+  for (std::size_t k = 0; k < search.all.y.size(); ++k) {
+    const MatrixXd& y = search.all.y[k];
+    const MatrixXd e = y - one_step_predictions(model, y, search.all.u[k], VectorXd::Zero(n));
+    for (Index t = search.of_all.sums.lags; t < e.cols(); ++t) {
+      if (!e.col(t).allFinite()) continue;
+      sum += e.col(t);
+      count.array() += 1.0;
+    }
+  }
+  const VectorXd level = factor.solve(sum.cwiseQuotient(count.cwiseMax(1.0)));
+  for (MatrixXd& each : search.all.y) each.colwise() -= level;
+  search.all.point.y += level.cwiseProduct(search.all.point.y_sd);
+  if (search.all.rows() <= kEnoughRows) judge_on_fitted(chosen, search.all, search.of_all.sums);
+}
+
 }  // namespace
 
 BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Dataset>& recordings,
@@ -554,7 +582,8 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   const bool of_states = options.structure == ModelStructure::states;
   std::vector<BlackBoxCandidate> tried =
       of_states ? candidates(search, options) : polynomial_candidates(search, options);
-  const BlackBoxCandidate& chosen = tried[choose_finite(search, tried)];
+  BlackBoxCandidate& chosen = tried[choose_finite(search, tried)];
+  take_level(search, chosen);
 
   BlackBoxResult out;
   out.model = with_channels(channels, recordings, in_units(chosen.model, search.all.point),

@@ -76,13 +76,15 @@ class Forecast(unittest.TestCase):
     def test_a_model_from_data_is_gone_on_from(self):
         """Its operating point is far from zero, and its states follow exactly from what was measured."""
         with Folder() as made:
-            rows, x = ["u,y"], 0.0
+            rows, x = ["u,y"], 3.0
             for t in range(300):
                 u = (t * 7919 % 13) / 6.0 - 1.0
                 rows.append(f"{u + 50!r},{x + 100 + 0.01 * ((t * 104729) % 11 - 5)!r}")
                 x = 0.9 * x + 0.2 * u
             log, model = made.write("log.csv", "\n".join(rows)), str(made.path / "m.yaml")
             run("model", log, "--input", "u", "--output", "y", "-o", model)
+            # Rows begin far from where they settle, so that their mean is no level: the innovations' is taken.
+            self.assertNotIn("have a mean", run("check", model, log).stdout)
             for more in ((), ("--scenarios", 3)):
                 for row in table(run("forecast", model, log, "-n", 2, "--inputs", log, *more).stdout)[1]:
                     self.assertLess(abs(row[1] - 100), 3)
