@@ -161,6 +161,18 @@ Outcome impulse(const SimulateOptions& options, const Model& model, Call& call) 
   return out;
 }
 
+// A step to 51 of a column that the model takes 50 off is one to 1.
+void tell_of_scaled_inputs(const SimulateOptions& options, const Model& model, const Call& call) {
+  if (options.signals.empty()) return;
+  for (const ChannelSource& each : model.inputs) {
+    if (each.scale == 1.0 && each.offset == 0.0) continue;
+    notice(
+        call,
+        fmt::format("note: --input {0} is what the model sees: column '{1}' times {2:g} plus {3:g}",
+                    each.name, each.column, each.scale, each.offset));
+  }
+}
+
 Outcome simulate(const SimulateOptions& options, Call& call) {
   Model model = load_model(options.model, "simulate", call.inputs);
   if (!options.impulse.empty()) return impulse(options, model, call);
@@ -174,6 +186,7 @@ Outcome simulate(const SimulateOptions& options, Call& call) {
   }
   const bool vehicle = is_vehicle(model);
   check_options(options, vehicle, inputs.has_value());
+  tell_of_scaled_inputs(options, model, call);
   const Simulated simulated =
       vehicle
           ? simulate_vehicle(model, manoeuvre_request(options), inputs ? &*inputs : nullptr,

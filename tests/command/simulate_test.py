@@ -119,6 +119,18 @@ initial: {mean: {x: 0}, sd: {x: 0}}
             for found, expected in zip(y, [0, 0, 0, 10 * math.exp(-0.5), 10 * math.exp(-1.5)]):
                 self.assertAlmostEqual(found, expected, delta=1e-6)
 
+    def test_inputs_by_formula_are_what_the_model_sees(self):
+        """Their column is written before scale and offset, and that is said."""
+        text = ("identikal: 1\ntime: {step: 1 s}\nA: [[0.5]]\nB: [[1]]\nC: [[1]]\nQ: [[0]]\nR: [[0.01]]\n"
+                "inputs: [{name: u, column: valve, offset: -50}]\noutputs: [{name: y, column: y}]\n")
+        with Folder() as folder:
+            done = run("simulate", folder.write("m.yaml", text), "-n", 2, "--input", "u=1", code=0)
+            self.assertIn("note: --input u is what the model sees: column 'valve' times 1 plus -50", done.stderr)
+            rows = [line.split(",") for line in done.stdout.splitlines() if not line.startswith("#")]
+            self.assertEqual("51", rows[1][rows[0].index("valve")])
+            plain = folder.write("p.yaml", text.replace(", offset: -50", ""))
+            self.assertEqual("", run("simulate", plain, "-n", 2, "--input", "u=1", code=0).stderr)
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)
