@@ -15,9 +15,10 @@ namespace identikal {
 /// Runs the model's filter over a recording and on, behind it, without measurements: what it expects
 /// of every output, with the standard deviation of a measurement,
 ///
-///   E[y(N + h) | y(1), ..., y(N)],   sd^2 = C P C' + R,   h = 1 ... rows.
+///   E[y(N + h) | y(1), ..., y(N)],   sd^2 = C P C' + R,   h = 1 ... rows,
 ///
-/// in the units of the recording's columns, `scale` and `offset` of the model file undone. The parameters count as known. Of a nonlinear model, mean and covariance are the filter's own.
+/// as the recording has them: in its columns' units, `scale` and `offset` of the model file undone.
+/// The parameters count as known. Of a nonlinear model, mean and covariance are the filter's own.
 ///
 /// Example:
 ///
