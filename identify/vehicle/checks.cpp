@@ -119,9 +119,14 @@ Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCov
   std::vector<std::string> names;
   std::vector<Eigen::Index> rows;
   std::vector<double> values;
+  bool unknown = false;
   for (std::size_t i = 0; i < covariance.inner.size(); ++i) {
     const VehicleParameter parameter = problem.unknowns.free[covariance.inner[i]];
     if (!must_be_positive(parameter)) continue;
+    const auto at = static_cast<Eigen::Index>(i);
+    if (parameter == kCf || parameter == kCr || parameter == kYawInertia) {
+      unknown |= std::sqrt(covariance.covariance(at, at)) > kHardlyKnown * p[parameter];
+    }
     names.emplace_back(name_of(parameter));
     rows.push_back(static_cast<Eigen::Index>(i));
     // Relative to what the user sees, a largest force.
@@ -153,11 +158,13 @@ Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCov
     text += fmt::format("{}{} by {:+.0f} %", text.empty() ? "" : ", ", name,
                         100.0 * share * std::abs(along[lead]) * size);
   }
-  return {make_finding(
+  Finding finding = make_finding(
       FindingCode::weak_direction, about,
       "poorly determined in combination (one standard error): " + text,
       "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
-      "speeds that differ by 2, sideslip")};
+      "speeds that differ by 2, sideslip");
+  if (unknown) finding.severity = Severity::serious;
+  return {finding};
 }
 
 Findings check_fit(const VehicleProblem& problem, const Eigen::VectorXd& rms,

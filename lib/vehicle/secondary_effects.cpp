@@ -27,13 +27,13 @@ class RollingCar {
   RollingCar(const SingleTrack<>& car, const SecondaryEffects& effects)
       : car_(car),
         effects_(effects),
-        front_(bent(car.front, effects[kTyreSoftening],
+        front_(bent(car.front, effects[kTyreSofteningFront],
                     car.m * kStandardGravity * car.b / (car.a + car.b))),
-        rear_(bent(car.rear, effects[kTyreSoftening],
+        rear_(bent(car.rear, effects[kTyreSofteningRear],
                    car.m * kStandardGravity * car.a / (car.a + car.b))),
         gradient_(effects[kRollGradient]),
         frequency_(kUsualRollFrequency * std::exp(effects[kRollQuickness])),
-        damping_(kUsualRollDamping),
+        damping_(kUsualRollDamping * std::exp(effects[kRollDecay])),
         arm_(kUsualRollArm * (car.a + car.b) + effects[kRollArm]),
         gravity_(kStandardGravity * std::sin(car.bank)) {
     if (!(car.roll_gradient > 0.0)) return;
@@ -70,11 +70,9 @@ class RollingCar {
   }
 
   RollingState rate(const RollingState& x, const AxleForces& F, double vx) const {
-    const double ay = (F.front + F.rear) / car_.m;
-    const double roll_acceleration =
-        frequency_ * (frequency_ * (ay - x.roll) - 2.0 * damping_ * x.roll_rate);
-    return {ay - gravity_ - vx * x.r + arm_ * gradient_ * roll_acceleration,
-            (car_.a * F.front - car_.b * F.rear) / car_.Iz, x.roll_rate, roll_acceleration};
+    const double ay = (F.front + F.rear) / car_.m, late = roll_acceleration(x, ay);
+    return {ay - gravity_ - vx * x.r + arm_ * gradient_ * late,
+            (car_.a * F.front - car_.b * F.rear) / car_.Iz, x.roll_rate, late};
   }
 
   Motion motion(const RollingState& x, const AxleForces& F, const DrivenSegment::Node& at,
@@ -84,7 +82,9 @@ class RollingCar {
     out.r = x.r;
     out.roll = roll_angle(x, at);
     out.roll_rate = gradient_ * x.roll_rate + at.roll_rate;
-    out.ay = (F.front + F.rear) / car_.m + kStandardGravity * std::sin(out.roll);
+    const double ay = (F.front + F.rear) / car_.m;
+    out.ay = ay + kStandardGravity * std::sin(out.roll) -
+             effects_[kHeightOfAy] * gradient_ * roll_acceleration(x, ay);
     out.yaw_acceleration = (car_.a * F.front - car_.b * F.rear) / car_.Iz;
     out.slip_front = (out.vy + car_.a * x.r) * at.inverse_vx - wheel;
     out.slip_rear = (out.vy - car_.b * x.r) * at.inverse_vx;
@@ -99,6 +99,11 @@ class RollingCar {
   }
 
  private:
+  /// psi''.
+  double roll_acceleration(const RollingState& x, double ay) const {
+    return frequency_ * (frequency_ * (ay - x.roll) - 2.0 * damping_ * x.roll_rate);
+  }
+
   /// With the lateral acceleration that the forces make: a contraction, by far less than a half.
   AxleForces with_transfer(double front, double rear, const AxleForces& camber,
                            const DrivenSegment::Node& at) const {
@@ -181,11 +186,24 @@ std::vector<double> wheel_angles(const RollingCar& car, const DrivenSegment& seg
 }  // namespace
 
 std::string_view name_of(SecondaryEffect effect) {
-  constexpr std::array<std::string_view, kSecondaryEffects> kNames = {
-      "steering smoothing", "steering lag",    "relaxation length", "roll gradient",
-      "roll steer front",   "roll steer rear", "roll quickness",    "roll arm",
-      "tyre softening",     "lag of r",        "lag of vy",         "lag of ay",
-      "lever arm of vy",    "lever arm of ay"};
+  constexpr std::array<std::string_view, kSecondaryEffects> kNames = {"steering smoothing",
+                                                                      "steering lag",
+                                                                      "relaxation length",
+                                                                      "roll gradient",
+                                                                      "roll steer front",
+                                                                      "roll steer rear",
+                                                                      "roll quickness",
+                                                                      "roll decay",
+                                                                      "roll arm",
+                                                                      "height of ay",
+                                                                      "tyre softening front",
+                                                                      "tyre softening rear",
+                                                                      "lag of r",
+                                                                      "lag of vy",
+                                                                      "lag of ay",
+                                                                      "lever arm of vy",
+                                                                      "lever arm of ay",
+                                                                      "height of vy"};
   return kNames[effect];
 }
 

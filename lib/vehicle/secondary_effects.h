@@ -21,13 +21,17 @@ enum SecondaryEffect {
                        ///< cornering, late in all other [rad/(m/s^2)]
   kRollSteerRear,      ///< the same of the rear axle
   kRollQuickness,      ///< logarithm of the natural frequency of roll over 1.5 Hz
+  kRollDecay,          ///< logarithm of the damping of roll over 0.35
   kRollArm,            ///< centre of gravity above the roll axis, less kUsualRollArm wheelbases [m]
-  kTyreSoftening,      ///< (axle load / largest force)^2 of both axles, with the curve tanh
-  kLagOfR,             ///< time constant of the sensor's filter [s]
-  kLagOfVy,            ///< of vy and beta [s]
-  kLagOfAy,            ///< [s]
-  kArmOfVy,            ///< how far its sensor sits ahead of where the model has it [m]
-  kArmOfAy,            ///< the same [m]
+  kHeightOfAy,         ///< how far its sensor sits above the centre of gravity [m]
+  kTyreSofteningFront,  ///< (axle load / largest force)^2, with the curve tanh
+  kTyreSofteningRear,   ///< the same
+  kLagOfR,              ///< time constant of the sensor's filter [s]
+  kLagOfVy,             ///< of vy and beta [s]
+  kLagOfAy,             ///< [s]
+  kArmOfVy,             ///< how far its sensor sits ahead of where the model has it [m]
+  kArmOfAy,             ///< the same [m]
+  kHeightOfVy,          ///< how far its sensor sits above the roll axis [m]
   kSecondaryEffects,
   kFirstEffectOfSensors = kLagOfR  ///< from here on they leave the car's motion as it is
 };
@@ -50,9 +54,9 @@ double lagged(double x, double from, double to, double t, double T);
 ///   alpha_r = (vy - b r)/vx - roll_steer_rear (psi - vx r),
 ///   psi'' = w^2 ((Ff + Fr)/m - psi) - 2 zeta w psi',  phi = roll_gradient psi,
 /// delta following the measured steering by its lag, roll of w = 2 pi 1.5 Hz exp(roll_quickness),
-/// zeta = 0.35 about an axis h = kUsualRollArm (a + b) + roll_arm below the centre of gravity, which
+/// zeta = 0.35 exp(roll_decay) about an axis h = kUsualRollArm (a + b) + roll_arm below the centre of gravity, which
 /// a roll angle phi > 0 (left side up) moves to the right. Motion::ay holds what a sensor fixed to the
-/// body feels, g sin(phi) included.
+/// body feels, g sin(phi) - height_of_ay phi'' included.
 /// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
 /// short as they like; where all effects are zero it agrees with simulate() to its own second order.
 /// Filters and places of sensors are the reader's (kLagOfR to kArmOfAy). The roll of a car that has

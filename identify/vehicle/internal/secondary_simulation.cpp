@@ -13,9 +13,9 @@ double reading(const SecondaryEffects& effects, const VehicleSensor& sensor,
   const double value = as_given.value(motion, vx);
   switch (sensor.quantity) {
     case VehicleQuantity::vy:
-      return value + effects[kArmOfVy] * motion.r;
+      return value + effects[kArmOfVy] * motion.r - effects[kHeightOfVy] * motion.roll_rate;
     case VehicleQuantity::beta:
-      return value + effects[kArmOfVy] * motion.r / vx;
+      return value + (effects[kArmOfVy] * motion.r - effects[kHeightOfVy] * motion.roll_rate) / vx;
     case VehicleQuantity::ay:
       return value + effects[kArmOfAy] * motion.yaw_acceleration;
     case VehicleQuantity::r:

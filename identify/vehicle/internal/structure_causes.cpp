@@ -81,7 +81,9 @@ class StudyUnknowns {
     const double wheelbase = p_[kA] + p_[kB];
     add_effect(kSteeringSmoothing, 0.0, 0.01, "s", "a finer steering sensor");
     if (!has(kLagOfSteering)) {
-      add_effect(kSteeringLag, 0.0, 0.015, "s", "the angle of a road wheel");
+      // Most give way by little; an actuator or a column of rubber lags five times as long.
+      add_effect(kSteeringLag, 0.0, 0.02, "s", "the angle of a road wheel");
+      all.back().heavy_tails = true;
     }
     if (problem_.unknowns.find(kRelaxationLength) < 0 && !(p_[kRelaxationLength] > 0.0)) {
       add_effect(kTyreRelaxation, 0.1 * wheelbase, 0.1 * wheelbase, "m", "two more speeds");
@@ -95,7 +97,9 @@ class StudyUnknowns {
       add_roll(front, rear);
     }
     if (problem_.unknowns.curve == TyreCurve::linear) {
-      add_effect(kTyreSoftening, 0.8, 0.5, "", "gentler driving, or `tyre: {curve: tanh}`");
+      const std::string gently = "gentler driving, or `tyre: {curve: tanh}`";
+      add_effect(kTyreSofteningFront, 0.8, 0.5, "", gently);
+      add_effect(kTyreSofteningRear, 0.8, 0.5, "", gently);
     }
     add_sensor_effects(wheelbase);
   }
@@ -107,9 +111,10 @@ class StudyUnknowns {
     add_effect(kRollSteerFront, 0.0, front, "rad/(m/s^2)", roll, false);
     add_effect(kRollSteerRear, 0.0, rear, "rad/(m/s^2)", roll, false);
     add_effect(kRollQuickness, 0.0, 0.5, "", roll, false);
+    add_effect(kRollDecay, 0.0, 0.4, "", roll, false);
     const double wheelbase = p_[kA] + p_[kB];
     add_effect(kRollArm, 0.0, kUsualRollArm * wheelbase, "m", roll, false);
-    all.back().lower = -kUsualRollArm * wheelbase;  // the roll axis is not above the centre
+    all.back().lower = -2.0 * kUsualRollArm * wheelbase;  // an axis as far above the centre
   }
 
   /// Of a body whose roll the model has: steer and camber by it, where the file says nothing of them.
@@ -131,8 +136,12 @@ class StudyUnknowns {
     if (sideslip && !has(sideslip_sensor(), SensorProperty::x)) {
       add_effect(kArmOfVy, 0.0, 0.02 * wheelbase, "m", place, false);
     }
-    if (measured(VehicleQuantity::ay) && !has(VehicleQuantity::ay, SensorProperty::x)) {
-      add_effect(kArmOfAy, 0.0, 0.02 * wheelbase, "m", place, false);
+    if (sideslip) add_effect(kHeightOfVy, 0.0, 0.1 * wheelbase, "m", place, false);
+    if (measured(VehicleQuantity::ay)) {
+      if (!has(VehicleQuantity::ay, SensorProperty::x)) {
+        add_effect(kArmOfAy, 0.0, 0.02 * wheelbase, "m", place, false);
+      }
+      add_effect(kHeightOfAy, 0.0, 0.1 * wheelbase, "m", place, false);
     }
     const std::string filters = "sensors that are filtered alike";
     const auto add_filter = [&](bool any, VehicleQuantity quantity) {

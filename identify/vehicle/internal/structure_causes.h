@@ -21,6 +21,7 @@ struct StudyUnknown {
   double lower, upper;
   double mean = 0.0, sd = kInfinity;  ///< of the prior
   std::string unit, separated_by;
+  bool heavy_tails = false;  ///< the prior is Student's t with sd as its scale
 };
 
 /// Where the search is.

@@ -25,6 +25,7 @@ constexpr double kDetermined = 0.7;         // of the prior's standard deviation
 constexpr double kUnheardOf = 3.5;
 
 double surprise(const StructureCause& cause) {
+  if (cause.heavy_tails) return 0.0;
   return std::abs(cause.value - cause.prior_mean) / cause.prior_sd;
 }
 
@@ -61,9 +62,21 @@ std::string separating_measurement(const StructureStudy& study,
              : fmt::format("{}; {}", gain[0].second, gain[1].second);
 }
 
+/// To the first digit of the error, or two digits of the value, whichever is finer.
+std::string with_error(double value, double sd) {
+  const auto decimals = [](double x, int digits) {
+    return x == 0.0 ? 0 : digits - 1 - static_cast<int>(std::floor(std::log10(std::abs(x))));
+  };
+  return fmt::format("{:.{}f} +- {:.1g}", value, std::max({0, decimals(sd, 1), decimals(value, 2)}),
+                     sd);
+}
+
+std::string in_words(const std::string& name, double value, double sd, const std::string& unit) {
+  return fmt::format("{} {}{}{}", name, with_error(value, sd), unit.empty() ? "" : " ", unit);
+}
+
 std::string in_words(const StructureCause& cause) {
-  return fmt::format("{} {:.2g} +- {:.1g}{}{}", cause.name, cause.value, cause.sd,
-                     cause.unit.empty() ? "" : " ", cause.unit);
+  return in_words(cause.name, cause.value, cause.sd, cause.unit);
 }
 
 /// The finding that belongs to a cause which is beyond anything that cars and test equipment have;
@@ -89,8 +102,7 @@ Findings check_suspected(const StructureStudy& study, const Findings& others) {
   for (const SuspectedMistake& mistake : study.mistakes) {
     if (!(mistake.probability > kCertain && mistake.evidence > kEvident)) continue;
     if (is_about(others, mistake.name)) continue;
-    const std::string size = fmt::format("{} {:.2g} +- {:.1g}{}{}", mistake.name, mistake.size,
-                                         mistake.sd, mistake.unit.empty() ? "" : " ", mistake.unit);
+    const std::string size = in_words(mistake.name, mistake.size, mistake.sd, mistake.unit);
     const std::string text =
         mistake.may_be_a_car ? size + " would explain the recording better; so may what the car has"
                              : "the recording contradicts the model file: " + size;

@@ -20,6 +20,9 @@ constexpr double kNearEnough = 0.3;   // where derivatives by differences lead n
 constexpr double kLeastShare = 0.01;  // of a step
 constexpr double kStateStep = 1e-4;   // for differences, over kStateScale
 constexpr double kUncorrelated = 0.05;
+constexpr double kFreedom = 3.0;  // of a prior with heavy tails
+// A share of the yaw inertia over rad/(m/s^2): 0.75 % by a roll of 1 deg/g.
+constexpr double kInertiaPerRoll = 4.2;
 constexpr double kGross = 0.5;  // of the standard deviation of mistakes
 constexpr double kWeighedAgain =
     1.0;  // standard errors: a smaller mistake leaves the noise as it is
@@ -45,13 +48,17 @@ class StructureSearch {
     Eigen::VectorXd e = simulation_.errors(at_);
     if (!e.allFinite()) return out;
     for (int iteration = 0; iteration < kMostIterations && !out.converged; ++iteration) {
-      if (iteration < kReweighted) weigh(e);
+      if (iteration < kReweighted) {
+        weigh(e);
+        weigh_priors();
+      }
       differentiate(e);
       const double wanted = move(e);
       out.converged = wanted < (stalled_ ? kNearEnough : kSettled);
       if (stalled_) break;
     }
     weigh(e);
+    weigh_priors();
     differentiate(e);
     eliminate_states(e);
     report(out);
@@ -77,6 +84,17 @@ class StructureSearch {
     }
   }
 
+  /// Priors with heavy tails are normal ones with the same slope from here.
+  void weigh_priors() {
+    prior_sd_.resize(count());
+    for (Eigen::Index i = 0; i < count(); ++i) {
+      const StudyUnknown& u = unknowns_[i];
+      const double z = (entry(at_, u) - u.mean) / u.sd;
+      const double wider = std::sqrt((kFreedom + z * z) / (kFreedom + 1.0));
+      prior_sd_[i] = u.heavy_tails ? wider * u.sd : u.sd;
+    }
+  }
+
   /// How many samples of the output tell what one independent sample would.
   double correlated_samples(const Eigen::VectorXd& e, Eigen::Index output) const {
     std::vector<double> of;
@@ -96,7 +114,9 @@ class StructureSearch {
 
   double cost(const StudyPoint& point, const Eigen::VectorXd& e) const {
     double sum = weight_.dot(e.cwiseAbs2());
-    for (const StudyUnknown& u : unknowns_) sum += std::pow((entry(point, u) - u.mean) / u.sd, 2);
+    for (Eigen::Index i = 0; i < count(); ++i) {
+      sum += std::pow((entry(point, unknowns_[i]) - unknowns_[i].mean) / prior_sd_[i], 2);
+    }
     const Eigen::VectorXd z = coordinates(point);
     for (Eigen::Index i = 0; i < problem_.parameters(); ++i) {
       sum += std::pow(prior_residual(problem_, z, i).value, 2);
@@ -214,8 +234,9 @@ class StructureSearch {
     const Eigen::VectorXd z = coordinates(at_);
     for (Eigen::Index i = 0; i < count(); ++i) {
       const StudyUnknown& u = unknowns_[i];
-      to.precision(i, i) += 1.0 / (u.sd * u.sd);
-      to.gradient[i] += (entry(at_, u) - u.mean) / (u.sd * u.sd);
+      const double precision = 1.0 / (prior_sd_[i] * prior_sd_[i]);
+      to.precision(i, i) += precision;
+      to.gradient[i] += (entry(at_, u) - u.mean) * precision;
       if (i >= z.size()) continue;
       const PriorResidual prior = prior_residual(problem_, z, i);
       const double slope = prior.slope / problem_.unknowns.scale[i];
@@ -397,10 +418,19 @@ class StructureSearch {
     }
   }
 
+  /// The yaw inertia of a body that rolls, which is not all that the effects have of it.
+  void allow_for_rolling(StructureStudy& out) const {
+    const int at = problem_.unknowns.find(kYawInertia);
+    if (at < 0) return;
+    const double roll = std::max(at_.effects[kRollGradient], at_.p[kRollPerAcceleration]);
+    out.covariance(at, at) += std::pow(kInertiaPerRoll * roll * out.value[at], 2);
+  }
+
   void report(StructureStudy& out) const {
     const Eigen::Index free = problem_.parameters(), causes = count() - free;
     out.value = coordinates(at_).cwiseProduct(problem_.unknowns.scale);
     out.covariance = covariance_.topLeftCorner(free, free);
+    allow_for_rolling(out);
     const Eigen::VectorXd sd = covariance_.diagonal().cwiseSqrt();
     out.with_causes = sd.head(free).cwiseInverse().asDiagonal() *
                       covariance_.topRightCorner(free, causes) *
@@ -408,8 +438,15 @@ class StructureSearch {
     for (Eigen::Index i = free; i < count(); ++i) {
       const StudyUnknown& u = unknowns_[i];
       const bool effect = u.kind == StudyUnknown::Kind::effect;
-      out.causes.push_back({name_of(u), u.unit, effect ? 0.0 : u.mean, u.mean, u.sd, entry(at_, u),
-                            sd[i], u.separated_by});
+      out.causes.push_back({.name = name_of(u),
+                            .unit = u.unit,
+                            .as_written = effect ? 0.0 : u.mean,
+                            .prior_mean = u.mean,
+                            .prior_sd = u.sd,
+                            .value = entry(at_, u),
+                            .sd = sd[i],
+                            .separated_by = u.separated_by,
+                            .heavy_tails = u.heavy_tails});
     }
   }
 
@@ -418,7 +455,7 @@ class StructureSearch {
   SecondarySimulation simulation_;
   std::vector<StudyUnknown> unknowns_;
   StudyPoint at_;
-  Eigen::VectorXd weight_;
+  Eigen::VectorXd weight_, prior_sd_;
   Eigen::MatrixXd by_unknown_;
   Eigen::MatrixX2d by_state_;
   std::vector<StateBlock> blocks_;

@@ -20,6 +20,7 @@ struct StructureCause {
   double prior_mean = 0.0, prior_sd = 0.0;
   double value = 0.0, sd = 0.0;
   std::string separated_by;  ///< the measurement that would tell it from the others
+  bool heavy_tails = false;  ///< of the prior: values far out are no surprise
 };
 
 /// What somebody may have got wrong, and how probable that is with the recording in view.

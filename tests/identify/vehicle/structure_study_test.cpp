@@ -21,6 +21,13 @@ using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
 using ::testing::HasSubstr;
 using Structure = VehicleFitOptions::Structure;
 
+const Finding* finding(const VehicleEstimate& fit, FindingCode code) {
+  for (const Finding& finding : fit.findings) {
+    if (finding.code == code) return &finding;
+  }
+  return nullptr;
+}
+
 // A swept sine at 80 km/h, 25 s at 50 Hz, r and ay.
 Dataset swept(const SecondaryEffects& effects, double delay, std::uint64_t seed,
               double rear_tyres = 1.0) {
@@ -105,6 +112,54 @@ TEST(StructureStudy, NamesWhatTheRecordingShows) {
   EXPECT_LT(std::abs(z_of(fit, "Iz", 2319.0)), 2.6);
 }
 
+// Four standard deviations of what most cars have, and a car nevertheless.
+TEST(StructureStudy, ALongLagOfTheSteeringIsFoundAndIsNoSurprise) {
+  SecondaryEffects effects{};
+  effects[kSteeringLag] = 0.075;
+  effects[kTyreRelaxation] = 0.3;
+  const VehicleEstimate fit = fitted(swept(effects, 0.0, 14), Structure::automatic);
+  EXPECT_NEAR(derived(fit, "steering lag")->value, 0.075, 0.015);
+  EXPECT_EQ(fit.status, Status::ok) << fit.message;
+  for (const auto& [name, truth] : {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}}) {
+    EXPECT_LT(std::abs(z_of(fit, name, truth)), 2.6) << name;
+  }
+}
+
+// The body rolls fast, little damped, about an axis at half of its usual depth, and the sensor of ay
+// sits on the roof. Without its height the lag of the steering and the inertia paid for it.
+TEST(StructureStudy, ASensorThatSitsHighCostsTheInertiaNothing) {
+  SecondaryEffects effects{};
+  effects[kRollGradient] = 0.012;
+  effects[kRollQuickness] = 0.3;
+  effects[kRollDecay] = -0.3;
+  effects[kRollArm] = -0.2;
+  effects[kHeightOfAy] = 0.5;
+  effects[kTyreRelaxation] = 0.2;
+  const VehicleEstimate fit = fitted(swept(effects, 0.0, 15), Structure::automatic);
+  EXPECT_EQ(fit.status, Status::ok) << fit.message;
+  EXPECT_NEAR(derived(fit, "height of ay")->value, 0.5, 0.15);
+  EXPECT_NEAR(derived(fit, "steering lag")->value, 0.0, 0.01);
+  for (const auto& [name, truth] : {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}}) {
+    EXPECT_LT(std::abs(z_of(fit, name, truth)), 2.6) << name;
+  }
+  EXPECT_LT(parameter(fit, "Iz").se, 0.15 * 2319.0);
+}
+
+// A circle of even speed with little noise: Cf and Cr of an error of a third, whatever rolls or lags.
+TEST(StructureStudy, WhatTheNoiseLeavesOpenIsRefusedToo) {
+  const auto angle = [](double t) { return 0.02 * std::sin(0.9 * t); };
+  const auto speed = [](double) { return 12.0; };
+  const Dataset data = with_noise(record({}, uniform_time(25.0, 50.0), {"r", "ay"}, angle, speed),
+                                  {0.003, 0.05}, 16);
+  VehicleFitOptions options;
+  options.structure = Structure::ignored;
+  const VehicleEstimate fit = fit_vehicle(sladka2010_model({"r", "ay"}), data, options);
+  ASSERT_GT(parameter(fit, "Cf").se, 0.25 * parameter(fit, "Cf").value);
+  EXPECT_EQ(fit.status, Status::untrusted) << fit.message;
+  ASSERT_NE(finding(fit, FindingCode::weak_direction), nullptr);
+  EXPECT_EQ(finding(fit, FindingCode::weak_direction)->severity, Severity::serious);
+}
+
 // As written the lag is a softer rear axle, 75 kN/rad where it may.
 TEST(StructureStudy, ABoundOfTheModelAsWrittenIsNoneOfTheStudys) {
   SecondaryEffects effects{};
@@ -123,13 +178,6 @@ TEST(StructureStudy, ABoundOfTheModelAsWrittenIsNoneOfTheStudys) {
   EXPECT_THAT(
       fit.findings,
       ::testing::Not(::testing::Contains(::testing::Field(&Finding::code, FindingCode::at_bound))));
-}
-
-const Finding* finding(const VehicleEstimate& fit, FindingCode code) {
-  for (const Finding& finding : fit.findings) {
-    if (finding.code == code) return &finding;
-  }
-  return nullptr;
 }
 
 TEST(StructureStudy, NamesTyresThatChangeHalfway) {
@@ -247,7 +295,7 @@ TEST(StructureStudy, ACauseThatNoCarHasStandsForSomethingElse) {
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].code, FindingCode::structure_dependent);
   EXPECT_EQ(found[0].severity, Severity::serious);
-  EXPECT_THAT(found[0].text, HasSubstr("lever arm of ay -0.2"));
+  EXPECT_THAT(found[0].text, HasSubstr("lever arm of ay -0.20 +- 0.01 m"));
 }
 
 // Two thirds of the shift from 1100 to 2000 would be 600.

@@ -113,13 +113,15 @@ TEST(SecondaryEffects, InSteadyCorneringRollShowsInAyAlone) {
   EXPECT_NEAR(soft[2], stiff[2] + kStandardGravity * std::sin(0.01 * stiff[2]), 1e-5);
 }
 
-TEST(SecondaryEffects, RollOfAnyFrequencyAndHeightIsThatOfTheSingleTrack) {
+TEST(SecondaryEffects, RollOfAnyFrequencyDampingAndHeightIsThatOfTheSingleTrack) {
   const Eigen::VectorXd time = stamps(0.01, 10.0), steering = sweep(time);
   SingleTrack<> rolls = car();
   rolls.roll_gradient = 0.008;
   rolls.roll_frequency = 2.2;
   rolls.roll_height = 0.3;
+  rolls.roll_damping = 0.5;
   SecondaryEffects rolling{};
+  rolling[kRollDecay] = std::log(rolls.roll_damping / 0.35);
   rolling[kRollGradient] = rolls.roll_gradient;
   rolling[kRollQuickness] = std::log(rolls.roll_frequency / 1.5);
   rolling[kRollArm] = rolls.roll_height - 0.17 * (rolls.a + rolls.b);
@@ -128,6 +130,34 @@ TEST(SecondaryEffects, RollOfAnyFrequencyAndHeightIsThatOfTheSingleTrack) {
   const double fine = difference(with(rolling, driven(time, steering, 0.0025)), exact);
   EXPECT_LT(fine, 1e-3);
   EXPECT_LT(fine, 0.3 * coarse);
+}
+
+// 0.2 m above the centre of gravity: less 0.2 m phi'', which is a difference of roll rates here.
+TEST(SecondaryEffects, AnAccelerometerAboveTheCentreOfGravityFeelsTheBodyRoll) {
+  const Eigen::VectorXd time = stamps(0.002, 10.0), steering = sweep(time);
+  const DrivenSegment segment = driven(time, steering, 0.001);
+  SecondaryEffects rolling{};
+  rolling[kRollGradient] = 0.01;
+  Eigen::VectorXd roll_rate(segment.rows());
+  simulate_with_effects(
+      car(), rolling, segment, 0.0, 0.0,
+      [&](Eigen::Index k, const Motion& motion, double) { roll_rate[k] = motion.roll_rate; });
+  const Eigen::VectorXd low = with(rolling, segment).row(2);
+  rolling[kHeightOfAy] = 0.2;
+  const Eigen::VectorXd high = with(rolling, segment).row(2);
+  const Eigen::Index rows = segment.rows() - 2;
+  const Eigen::VectorXd expected = -0.2 / 0.004 * (roll_rate.tail(rows) - roll_rate.head(rows));
+  EXPECT_LT(((high - low).segment(1, rows) - expected).norm(), 2e-3 * expected.norm());
+}
+
+TEST(SecondaryEffects, TyresOfOneAxleBendByThemselves) {
+  const Eigen::VectorXd time = stamps(0.01, 12.0);
+  const DrivenSegment turn = driven(time, Eigen::VectorXd::Constant(time.size(), 0.5), 0.005);
+  const double stiff = with({}, turn)(0, turn.rows() - 1);
+  SecondaryEffects front{}, rear{};
+  front[kTyreSofteningFront] = rear[kTyreSofteningRear] = 1.0;
+  EXPECT_LT(with(front, turn)(0, turn.rows() - 1), 0.999 * stiff);  // turns less
+  EXPECT_GT(with(rear, turn)(0, turn.rows() - 1), 1.001 * stiff);   // and more
 }
 
 TEST(SecondaryEffects, SmoothingMovesNothingInTime) {
