@@ -280,8 +280,7 @@ constexpr std::array<FindingKind, 110> kKinds = {{
     {FindingCode::weak_direction, "weak_direction", Severity::warning, Severity::serious,
      Status::untrusted, Rank::consequence, InMessage::nothing,
      "Parameters are poorly determined in combination; serious where Cf, Cr or Iz is not known to "
-     "a "
-     "quarter"},
+     "a quarter"},
     {FindingCode::steering_ratio, "steering_ratio", Severity::warning, Severity::warning,
      Status::ok, Rank::consequence, InMessage::nothing, "The given steering ratio is wrong"},
     {FindingCode::implausible_Iz, "implausible_Iz", Severity::note, Severity::note, Status::ok,

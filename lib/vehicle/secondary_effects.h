@@ -54,12 +54,12 @@ double lagged(double x, double from, double to, double t, double T);
 ///   alpha_r = (vy - b r)/vx - roll_steer_rear (psi - vx r),
 ///   psi'' = w^2 ((Ff + Fr)/m - psi) - 2 zeta w psi',  phi = roll_gradient psi,
 /// delta following the measured steering by its lag, roll of w = 2 pi 1.5 Hz exp(roll_quickness),
-/// zeta = 0.35 exp(roll_decay) about an axis h = kUsualRollArm (a + b) + roll_arm below the centre of gravity, which
-/// a roll angle phi > 0 (left side up) moves to the right. Motion::ay holds what a sensor fixed to the
-/// body feels, g sin(phi) - height_of_ay phi'' included.
+/// zeta = 0.35 exp(roll_decay) about an axis h = kUsualRollArm (a + b) + roll_arm below the centre of
+/// gravity, which a roll angle phi > 0 (left side up) moves to the right. Motion::ay holds what a
+/// sensor fixed to the body feels, g sin(phi) - height_of_ay phi'' included.
 /// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
 /// short as they like; where all effects are zero it agrees with simulate() to its own second order.
-/// Filters and places of sensors are the reader's (kLagOfR to kArmOfAy). The roll of a car that has
+/// Filters and places of other sensors are the reader's (from kLagOfR on). The roll of a car that has
 /// its own (SingleTrack::roll_gradient), or whose roll is measured, is that of motion_at(); the
 /// effects' then has to be zero.
 ///
