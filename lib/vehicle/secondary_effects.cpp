@@ -22,6 +22,11 @@ struct AxleForces {
   double front, rear;
 };
 
+/// What acts across the car: front force `across`, and `along` by every m/s^2 of drive.
+struct FrontWheel {
+  double angle, across = 1.0, along = 0.0;
+};
+
 class RollingCar {
  public:
   RollingCar(const SingleTrack<>& car, const SecondaryEffects& effects)
@@ -35,7 +40,8 @@ class RollingCar {
         frequency_(kUsualRollFrequency * std::exp(effects[kRollQuickness])),
         damping_(kUsualRollDamping * std::exp(effects[kRollDecay])),
         arm_(kUsualRollArm * (car.a + car.b) + effects[kRollArm]),
-        gravity_(kStandardGravity * std::sin(car.bank)) {
+        gravity_(kStandardGravity * std::sin(car.bank)),
+        wide_(effects[kWideAngles] > 0.0) {
     if (!(car.roll_gradient > 0.0)) return;
     gradient_ = car.roll_gradient;
     frequency_ = 2.0 * std::numbers::pi * car.roll_frequency;
@@ -48,14 +54,20 @@ class RollingCar {
     return gradient_ * x.roll + at.roll;
   }
 
+  FrontWheel turned(double angle) const {
+    if (!wide_) return {angle};
+    const double tangent = effects_[kFrontDrive] * std::tan(angle);
+    return {angle, std::cos(angle) + tangent * std::sin(angle), car_.m * tangent};
+  }
+
   AxleForces steady_forces(const RollingState& x, const DrivenSegment::Node& at,
-                           double wheel) const {
+                           const FrontWheel& wheel) const {
     const double late = x.roll - at.vx * x.r, roll = roll_angle(x, at);
     const double vy = axis_velocity(x, at);
-    const double front = (vy + car_.a * x.r) * at.inverse_vx - wheel -
+    const double front = slip((vy + car_.a * x.r) * at.inverse_vx) - wheel.angle -
                          effects_[kRollSteerFront] * late - car_.front_steer_per_roll * roll;
-    const double rear = (vy - car_.b * x.r) * at.inverse_vx - effects_[kRollSteerRear] * late -
-                        car_.rear_steer_per_roll * roll;
+    const double rear = slip((vy - car_.b * x.r) * at.inverse_vx) -
+                        effects_[kRollSteerRear] * late - car_.rear_steer_per_roll * roll;
     const AxleForces camber{car_.front_camber_per_roll * roll, car_.rear_camber_per_roll * roll};
     if (car_.degression != 0.0) return with_transfer(front, rear, camber, at);
     if (!(car_.cg_height > 0.0)) {
@@ -69,25 +81,28 @@ class RollingCar {
             loaded(rear_, change.rear).force(rear) + camber.rear};
   }
 
-  RollingState rate(const RollingState& x, const AxleForces& F, double vx) const {
-    const double ay = (F.front + F.rear) / car_.m, late = roll_acceleration(x, ay);
-    return {ay - gravity_ - vx * x.r + arm_ * gradient_ * late,
-            (car_.a * F.front - car_.b * F.rear) / car_.Iz, x.roll_rate, late};
+  RollingState rate(const RollingState& x, const AxleForces& F, const DrivenSegment::Node& at,
+                    const FrontWheel& wheel) const {
+    const double front = front_force(x, F, at, wheel);
+    const double ay = (front + F.rear) / car_.m, late = roll_acceleration(x, ay);
+    return {ay - gravity_ - at.vx * x.r + arm_ * gradient_ * late,
+            (car_.a * front - car_.b * F.rear) / car_.Iz, x.roll_rate, late};
   }
 
   Motion motion(const RollingState& x, const AxleForces& F, const DrivenSegment::Node& at,
-                double wheel) const {
+                const FrontWheel& wheel) const {
+    const double front = front_force(x, F, at, wheel);
     Motion out{};
     out.vy = axis_velocity(x, at);
     out.r = x.r;
     out.roll = roll_angle(x, at);
     out.roll_rate = gradient_ * x.roll_rate + at.roll_rate;
-    const double ay = (F.front + F.rear) / car_.m;
+    const double ay = (front + F.rear) / car_.m;
     out.ay = ay + kStandardGravity * std::sin(out.roll) -
              effects_[kHeightOfAy] * gradient_ * roll_acceleration(x, ay);
-    out.yaw_acceleration = (car_.a * F.front - car_.b * F.rear) / car_.Iz;
-    out.slip_front = (out.vy + car_.a * x.r) * at.inverse_vx - wheel;
-    out.slip_rear = (out.vy - car_.b * x.r) * at.inverse_vx;
+    out.yaw_acceleration = (car_.a * front - car_.b * F.rear) / car_.Iz;
+    out.slip_front = slip((out.vy + car_.a * x.r) * at.inverse_vx) - wheel.angle;
+    out.slip_rear = slip((out.vy - car_.b * x.r) * at.inverse_vx);
     out.force_front = F.front;
     out.force_rear = F.rear;
     out.vx_rate = at.vx_rate;
@@ -99,6 +114,13 @@ class RollingCar {
   }
 
  private:
+  double slip(double tangent) const { return wide_ ? std::atan(tangent) : tangent; }
+
+  double front_force(const RollingState& x, const AxleForces& F, const DrivenSegment::Node& at,
+                     const FrontWheel& wheel) const {
+    return wheel.across * F.front + wheel.along * (at.vx_rate - x.vy * x.r);
+  }
+
   /// psi''.
   double roll_acceleration(const RollingState& x, double ay) const {
     return frequency_ * (frequency_ * (ay - x.roll) - 2.0 * damping_ * x.roll_rate);
@@ -145,6 +167,7 @@ class RollingCar {
   SecondaryEffects effects_;
   AxleCurve front_, rear_;
   double gradient_, frequency_, damping_, arm_, gravity_;
+  bool wide_;
 };
 
 RollingState moved(const RollingState& x, const RollingState& rate, double t) {
@@ -152,7 +175,7 @@ RollingState moved(const RollingState& x, const RollingState& rate, double t) {
           x.roll_rate + t * rate.roll_rate};
 }
 
-// The wheels' angle at every node.
+// At every node.
 std::vector<double> wheel_angles(const RollingCar& car, const DrivenSegment& segment,
                                  double smoothing, double lag) {
   std::vector<double> out, half;
@@ -198,6 +221,8 @@ std::string_view name_of(SecondaryEffect effect) {
                                                                       "height of ay",
                                                                       "tyre softening front",
                                                                       "tyre softening rear",
+                                                                      "wide angles",
+                                                                      "front drive",
                                                                       "lag of r",
                                                                       "lag of vy",
                                                                       "lag of ay",
@@ -217,8 +242,12 @@ void simulate_with_effects(const SingleTrack<>& given, const SecondaryEffects& e
                            const DrivenSegment& segment, double vy, double r,
                            const ObserveMotion& observe) {
   const RollingCar car(given, effects);
-  const std::vector<double> wheel =
-      wheel_angles(car, segment, effects[kSteeringSmoothing], effects[kSteeringLag]);
+  std::vector<FrontWheel> wheel;
+  wheel.reserve(segment.nodes.size());
+  for (const double angle :
+       wheel_angles(car, segment, effects[kSteeringSmoothing], effects[kSteeringLag])) {
+    wheel.push_back(car.turned(angle));
+  }
   RollingState x{vy - given.roll_height * segment.nodes[0].roll_rate, r, 0.0, 0.0};
   AxleForces F = car.steady_forces(x, segment.nodes[0], wheel[0]);
   x.roll = (F.front + F.rear) / given.m;
@@ -236,10 +265,10 @@ void simulate_with_effects(const SingleTrack<>& given, const SecondaryEffects& e
         return AxleForces{lag.next(F.front, steady.front, to.front),
                           lag.next(F.rear, steady.rear, to.rear)};
       };
-      const RollingState halfway = moved(x, car.rate(x, F, begin.vx), 0.5 * h);
+      const RollingState halfway = moved(x, car.rate(x, F, begin, wheel[at]), 0.5 * h);
       const AxleForces between =
           followed(car.steady_forces(halfway, middle, wheel[at + 1]), 0.5 * h, begin.vx);
-      x = moved(x, car.rate(halfway, between, middle.vx), h);
+      x = moved(x, car.rate(halfway, between, middle, wheel[at + 1]), h);
       const AxleForces after = car.steady_forces(x, end, wheel[at + 2]);
       F = followed(after, h, middle.vx);
       steady = after;

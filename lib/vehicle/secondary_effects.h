@@ -26,6 +26,8 @@ enum SecondaryEffect {
   kHeightOfAy,         ///< how far its sensor sits above the centre of gravity [m]
   kTyreSofteningFront,  ///< (axle load / largest force)^2, with the curve tanh
   kTyreSofteningRear,   ///< the same
+  kWideAngles,          ///< 1: angles may be of any size; 0: wheels turn and slip by small ones
+  kFrontDrive,          ///< share of the front wheels in drive and brake, where angles are wide
   kLagOfR,              ///< time constant of the sensor's filter [s]
   kLagOfVy,             ///< of vy and beta [s]
   kLagOfAy,             ///< [s]
@@ -56,7 +58,10 @@ double lagged(double x, double from, double to, double t, double T);
 /// delta following the measured steering by its lag, roll of w = 2 pi 1.5 Hz exp(roll_quickness),
 /// zeta = 0.35 exp(roll_decay) about an axis h = kUsualRollArm (a + b) + roll_arm below the centre of
 /// gravity, which a roll angle phi > 0 (left side up) moves to the right. Motion::ay holds what a
-/// sensor fixed to the body feels, g sin(phi) - height_of_ay phi'' included.
+/// sensor fixed to the body feels, g sin(phi) - height_of_ay phi'' included. Where angles are wide,
+/// slip angles are atan((vy + a r)/vx) - delta ..., and in place of Ff the equations have
+///   Ff cos(delta) + front_drive tan(delta) (m (vx' - vy r) + Ff sin(delta)),
+/// drive that keeps vx as it is included.
 /// Integrated by a midpoint rule that is exact for the lags (exponential), so that these may be as
 /// short as they like; where all effects are zero it agrees with simulate() to its own second order.
 /// Filters and places of other sensors are the reader's (from kLagOfR on). The roll of a car that has

@@ -8,6 +8,8 @@
 namespace identikal {
 namespace {
 
+constexpr double kSmallAngle = 0.06;  // [rad]
+
 class StudyUnknowns {
  public:
   StudyUnknowns(const VehicleProblem& problem, const VehicleParameters<double>& p)
@@ -101,6 +103,10 @@ class StudyUnknowns {
       add_effect(kTyreSofteningFront, 0.8, 0.5, "", gently);
       add_effect(kTyreSofteningRear, 0.8, 0.5, "", gently);
     }
+    if (wide_angle(problem_, p_)) {
+      add_effect(kFrontDrive, 0.5, 0.35, "", "which axle drives");
+      all.back().upper = 1.0;
+    }
     add_sensor_effects(wheelbase);
   }
 
@@ -178,6 +184,17 @@ std::string name_of(const StudyUnknown& unknown) {
   return std::string(unknown.kind == StudyUnknown::Kind::effect
                          ? name_of(static_cast<SecondaryEffect>(unknown.index))
                          : name_of(static_cast<VehicleParameter>(unknown.index)));
+}
+
+std::optional<double> wide_angle(const VehicleProblem& problem,
+                                 const VehicleParameters<double>& p) {
+  double largest = 0.0;
+  for (const VehicleRun::Segment& s : problem.run->segments) {
+    largest =
+        std::max(largest, problem.run->steering.segment(s.first, s.rows).cwiseAbs().maxCoeff());
+  }
+  largest *= std::abs(p[kSteeringGain] / p[kSteeringRatio]);
+  return largest > kSmallAngle ? std::optional(largest) : std::nullopt;
 }
 
 SecondaryEffect filter_of(VehicleQuantity quantity) {

@@ -2,6 +2,7 @@
 // have?
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,10 @@ std::string name_of(const StudyUnknown& unknown);
 ///   @param p  the car as the model fits it
 std::vector<StudyUnknown> study_unknowns(const VehicleProblem& problem,
                                          const VehicleParameters<double>& p);
+
+/// The largest angle of the road wheels [rad], where it is no small one: nothing up to 0.06, where
+/// sines, tangents and the angle itself differ by 0.1 %; then the study has kWideAngles.
+std::optional<double> wide_angle(const VehicleProblem& problem, const VehicleParameters<double>& p);
 
 /// The filter that the study allows a sensor.
 SecondaryEffect filter_of(VehicleQuantity quantity);

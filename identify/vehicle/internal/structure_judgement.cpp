@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/estimate/parameter_table.h"
+#include "lib/base/constants.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -196,6 +197,12 @@ void report_structure(const StructureStudy& study, bool adopted, const VehicleUn
     estimate.notes.push_back(
         fmt::format("the recording shows what the model leaves out: {}", fmt::join(seen, ", ")));
   }
+  if (study.wide_angle) {
+    estimate.notes.push_back(
+        fmt::format("the road wheels turn by up to {:.1f} deg, where a single track's small angles "
+                    "are off; the errors allow for it",
+                    *study.wide_angle * kDegreesPerRadian));
+  }
   if (!study.converged) {
     estimate.notes.push_back("the search for what the model leaves out did not converge");
   }
@@ -224,8 +231,9 @@ Findings check_structure(const StructureStudy& study, const VehicleUnknowns& unk
   if (open.empty()) return out;
   out.push_back(make_finding(
       FindingCode::structure_dependent, names,
-      fmt::format("{} hang{} on what the model leaves out (lags, roll, bending tyres): {}",
-                  fmt::join(names, ", "), names.size() == 1 ? "s" : "", fmt::join(texts, "; ")),
+      fmt::format("{} hang{} on what the model leaves out (lags, roll, bending tyres{}): {}",
+                  fmt::join(names, ", "), names.size() == 1 ? "s" : "",
+                  study.wide_angle ? ", large angles" : "", fmt::join(texts, "; ")),
       fmt::format("to tell the causes apart: {}", separating_measurement(study, open))));
   return out;
 }

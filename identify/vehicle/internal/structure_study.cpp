@@ -38,6 +38,7 @@ class StructureSearch {
     at_.states = optimum.z.tail(2 * static_cast<Eigen::Index>(problem.run->segments.size()));
     unknowns_ = study_unknowns(problem, at_.p);
     at_.effects[kTyreRelaxation] = at_.p[kRelaxationLength];
+    at_.effects[kWideAngles] = wide_angle(problem, at_.p) ? 1.0 : 0.0;
     for (const StudyUnknown& u : unknowns_) {
       if (u.kind == StudyUnknown::Kind::effect && u.sd < kInfinity) entry(at_, u) = u.mean;
     }
@@ -430,6 +431,7 @@ class StructureSearch {
     const Eigen::Index free = problem_.parameters(), causes = count() - free;
     out.value = coordinates(at_).cwiseProduct(problem_.unknowns.scale);
     out.covariance = covariance_.topLeftCorner(free, free);
+    out.wide_angle = wide_angle(problem_, at_.p);
     allow_for_rolling(out);
     const Eigen::VectorXd sd = covariance_.diagonal().cwiseSqrt();
     out.with_causes = sd.head(free).cwiseInverse().asDiagonal() *

@@ -1,6 +1,7 @@
 // How much of the answer hangs on what a single track leaves out?
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,13 +42,14 @@ struct StructureStudy {
   Eigen::MatrixXd covariance;  ///< of them, SI
   std::vector<StructureCause> causes;
   std::vector<SuspectedMistake> mistakes;
-  Eigen::MatrixXd with_causes;  ///< free parameters x causes: correlation
-  Eigen::VectorXd errors;       ///< simulated minus measured there, SI, as the problem's residuals
+  Eigen::MatrixXd with_causes;       ///< free parameters x causes: correlation
+  std::optional<double> wide_angle;  ///< of the road wheels [rad], where it is no small one
+  Eigen::VectorXd errors;  ///< simulated minus measured there, SI, as the problem's residuals
 };
 
 /// Fits the vehicle once more with everything unknown at once that explains the same milliseconds
 /// and degrees: delay, lag and noise of the steering, relaxation length, roll with camber and roll
-/// steer, bending tyres, filters, places and gains of the sensors, offsets and the steering ratio.
+/// steer, bending tyres, wheels that turn by large angles, filters, places and gains of the sensors, offsets and the steering ratio.
 /// Each has a prior that says what cars and test equipment have; what the model file frees or names
 /// is left to it.
 /// The maximum of

@@ -174,5 +174,44 @@ TEST(SecondaryEffects, SmoothingMovesNothingInTime) {
   EXPECT_LT((r - gain * r0).norm() / r0.norm(), 1e-3);  // of another phase
 }
 
+// A circle at 6 m/s with the front wheels turned by 14 degrees: the balances of force and moment, written
+// out again, with the drive in front, behind and shared.
+TEST(SecondaryEffects, WideAnglesKeepTheBalancesOfATightTurn) {
+  constexpr double kSlow = 6.0;
+  const SingleTrack<> one = car();
+  const Eigen::VectorXd time = stamps(0.01, 12.0);
+  const double delta = 0.25;
+  const DrivenSegment turn =
+      drive(time, Eigen::VectorXd::Constant(time.size(), delta * one.steering_ratio),
+            Eigen::VectorXd::Constant(time.size(), kSlow), {.longest_step = 0.005});
+  for (const double share : {0.0, 0.4, 1.0}) {
+    SecondaryEffects wide{};
+    wide[kWideAngles] = 1.0;
+    wide[kFrontDrive] = share;
+    Motion end{};
+    simulate_with_effects(one, wide, turn, 0.0, 0.0,
+                          [&](Eigen::Index, const Motion& motion, double) { end = motion; });
+    const double front =
+        -one.front.stiffness * (std::atan((end.vy + one.a * end.r) / kSlow) - delta);
+    const double rear = -one.rear.stiffness * std::atan((end.vy - one.b * end.r) / kSlow);
+    // What drives the car, so that its speed stays.
+    const double drive = front * std::sin(delta) - one.m * end.vy * end.r;
+    const double across =
+        front * std::cos(delta) + share * drive / std::cos(delta) * std::sin(delta);
+    EXPECT_NEAR(across + rear, one.m * kSlow * end.r, 1e-6 * rear);
+    EXPECT_NEAR(one.a * across, one.b * rear, 1e-6 * one.b * rear);
+    EXPECT_NEAR(end.ay, (across + rear) / one.m, 1e-9);
+  }
+}
+
+TEST(SecondaryEffects, SmallAnglesAreAsTheyWere) {
+  const Eigen::VectorXd time = stamps(0.01, 10.0);
+  const DrivenSegment segment = driven(time, 0.02 * sweep(time), 0.005);
+  SecondaryEffects wide{};
+  wide[kWideAngles] = 1.0;
+  wide[kFrontDrive] = 0.5;
+  EXPECT_LT(difference(with(wide, segment), with({}, segment)), 1e-5);
+}
+
 }  // namespace
 }  // namespace identikal
