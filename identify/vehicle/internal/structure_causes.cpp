@@ -8,7 +8,7 @@
 namespace identikal {
 namespace {
 
-constexpr double kSmallAngle = 0.06;  // [rad]
+constexpr double kSmallAngle = 0.1;  // [rad]
 
 class StudyUnknowns {
  public:

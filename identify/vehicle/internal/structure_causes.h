@@ -43,8 +43,8 @@ std::string name_of(const StudyUnknown& unknown);
 std::vector<StudyUnknown> study_unknowns(const VehicleProblem& problem,
                                          const VehicleParameters<double>& p);
 
-/// The largest angle of the road wheels [rad], where it is no small one: nothing up to 0.06, where
-/// sines, tangents and the angle itself differ by 0.1 %; then the study has kWideAngles.
+/// The largest angle of the road wheels [rad], where it is no small one: nothing up to 0.1, where
+/// sine, tangent and cosine are off by up to 0.5 %; then the study has kWideAngles.
 std::optional<double> wide_angle(const VehicleProblem& problem, const VehicleParameters<double>& p);
 
 /// The filter that the study allows a sensor.

@@ -1,6 +1,7 @@
 #include "identify/vehicle/internal/structure_judgement.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -24,6 +25,26 @@ constexpr double kDetermined = 0.7;         // of the prior's standard deviation
 
 // Standard deviations of the prior: what stands for something else.
 constexpr double kUnheardOf = 3.5;
+
+/// Told by the recording, not by the prior alone, and not what the model takes.
+bool is_seen(const StructureCause& cause) {
+  return cause.sd < kDetermined * cause.prior_sd &&
+         std::abs(cause.value - cause.as_written) > kNoticed * cause.sd;
+}
+
+/// How a body rolls means something only where it is seen to roll.
+bool is_of_roll(const StructureCause& cause) {
+  const std::array kOfRoll = {kRollQuickness, kRollDecay, kRollArm, kHeightOfAy, kHeightOfVy};
+  return std::any_of(kOfRoll.begin(), kOfRoll.end(),
+                     [&](SecondaryEffect effect) { return cause.name == name_of(effect); });
+}
+
+bool rolls(const StructureStudy& study) {
+  const auto at = std::find_if(study.causes.begin(), study.causes.end(), [](const auto& cause) {
+    return cause.name == name_of(kRollGradient);
+  });
+  return at == study.causes.end() || is_seen(*at);  // else the model has it
+}
 
 double surprise(const StructureCause& cause) {
   if (cause.heavy_tails) return 0.0;
@@ -187,10 +208,7 @@ void report_structure(const StructureStudy& study, bool adopted, const VehicleUn
   }
   std::vector<std::string> seen;
   for (const StructureCause& cause : study.causes) {
-    const bool told = cause.sd < kDetermined * cause.prior_sd;
-    if (told && std::abs(cause.value - cause.as_written) > kNoticed * cause.sd) {
-      seen.push_back(in_words(cause));
-    }
+    if (is_seen(cause) && (!is_of_roll(cause) || rolls(study))) seen.push_back(in_words(cause));
     if (adopted) estimate.derived.push_back({cause.name, cause.unit, cause.value, cause.sd});
   }
   if (!seen.empty()) {
