@@ -113,7 +113,8 @@ Findings check_plausibility(const VehicleParameters<double>& p, const VehicleEst
 }
 
 Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                                 const VehicleParameters<double>& p) {
+                                 const VehicleParameters<double>& p,
+                                 const VehicleEstimate& estimate) {
   constexpr double kHardlyKnown = 0.25;  // relative standard error
   constexpr double kTakesPart = 0.2;
   std::vector<std::string> names;
@@ -123,9 +124,11 @@ Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCov
   for (std::size_t i = 0; i < covariance.inner.size(); ++i) {
     const VehicleParameter parameter = problem.unknowns.free[covariance.inner[i]];
     if (!must_be_positive(parameter)) continue;
-    const auto at = static_cast<Eigen::Index>(i);
     if (parameter == kCf || parameter == kCr || parameter == kYawInertia) {
-      unknown |= std::sqrt(covariance.covariance(at, at)) > kHardlyKnown * p[parameter];
+      const EstimatedParameter& of =
+          estimate.parameters[problem.unknowns.position[covariance.inner[i]]];
+      // One that may be zero is rejected.
+      unknown = unknown || (relative_error(of) > kHardlyKnown && of.ci95[0] > 0.0);
     }
     names.emplace_back(name_of(parameter));
     rows.push_back(static_cast<Eigen::Index>(i));

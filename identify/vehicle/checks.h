@@ -27,7 +27,8 @@ Findings check_plausibility(const VehicleParameters<double>& p, const VehicleEst
 /// The change of the positive parameters, relative to their size, that the recording determines
 /// least, when its standard error is above a quarter: where a user has to look for more knowledge.
 Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
-                                 const VehicleParameters<double>& p);
+                                 const VehicleParameters<double>& p,
+                                 const VehicleEstimate& estimate);
 
 /// A simulation of the leading output that explains less is poor [%].
 inline constexpr double kPoorFit = 50.0;

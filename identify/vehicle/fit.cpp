@@ -638,7 +638,7 @@ void check_vehicle_fit(const VehicleFit& fit, const VehicleUnknowns& unknowns,
     if (!fit.noise.any()) append(found, check_steering_steps(fit.model, fit.found, estimate));
   }
   append(found, check_plausibility(p, estimate));
-  append(found, check_weakest_direction(problem, fit.covariance, p));
+  append(found, check_weakest_direction(problem, fit.covariance, p, estimate));
 }
 
 }  // namespace

@@ -32,9 +32,9 @@ class RollingCar {
   RollingCar(const SingleTrack<>& car, const SecondaryEffects& effects)
       : car_(car),
         effects_(effects),
-        front_(bent(car.front, effects[kTyreSofteningFront],
+        front_(bent(car.front, effects[kTyreSoftening],
                     car.m * kStandardGravity * car.b / (car.a + car.b))),
-        rear_(bent(car.rear, effects[kTyreSofteningRear],
+        rear_(bent(car.rear, effects[kTyreSoftening] + effects[kRearSoftening],
                    car.m * kStandardGravity * car.a / (car.a + car.b))),
         gradient_(effects[kRollGradient]),
         frequency_(kUsualRollFrequency * std::exp(effects[kRollQuickness])),
@@ -209,26 +209,12 @@ std::vector<double> wheel_angles(const RollingCar& car, const DrivenSegment& seg
 }  // namespace
 
 std::string_view name_of(SecondaryEffect effect) {
-  constexpr std::array<std::string_view, kSecondaryEffects> kNames = {"steering smoothing",
-                                                                      "steering lag",
-                                                                      "relaxation length",
-                                                                      "roll gradient",
-                                                                      "roll steer front",
-                                                                      "roll steer rear",
-                                                                      "roll quickness",
-                                                                      "roll decay",
-                                                                      "roll arm",
-                                                                      "height of ay",
-                                                                      "tyre softening front",
-                                                                      "tyre softening rear",
-                                                                      "wide angles",
-                                                                      "front drive",
-                                                                      "lag of r",
-                                                                      "lag of vy",
-                                                                      "lag of ay",
-                                                                      "lever arm of vy",
-                                                                      "lever arm of ay",
-                                                                      "height of vy"};
+  constexpr std::array<std::string_view, kSecondaryEffects> kNames = {
+      "steering smoothing", "steering lag",    "relaxation length", "roll gradient",
+      "roll steer front",   "roll steer rear", "roll quickness",    "roll decay",
+      "roll arm",           "height of ay",    "tyre softening",    "rear tyre softening",
+      "wide angles",        "front drive",     "lag of r",          "lag of vy",
+      "lag of ay",          "lever arm of vy", "lever arm of ay",   "height of vy"};
   return kNames[effect];
 }
 

@@ -24,16 +24,16 @@ enum SecondaryEffect {
   kRollDecay,          ///< logarithm of the damping of roll over 0.35
   kRollArm,            ///< centre of gravity above the roll axis, less kUsualRollArm wheelbases [m]
   kHeightOfAy,         ///< how far its sensor sits above the centre of gravity [m]
-  kTyreSofteningFront,  ///< (axle load / largest force)^2, with the curve tanh
-  kTyreSofteningRear,   ///< the same
-  kWideAngles,          ///< 1: angles may be of any size; 0: wheels turn and slip by small ones
-  kFrontDrive,          ///< share of the front wheels in drive and brake, where angles are wide
-  kLagOfR,              ///< time constant of the sensor's filter [s]
-  kLagOfVy,             ///< of vy and beta [s]
-  kLagOfAy,             ///< [s]
-  kArmOfVy,             ///< how far its sensor sits ahead of where the model has it [m]
-  kArmOfAy,             ///< the same [m]
-  kHeightOfVy,          ///< how far its sensor sits above the roll axis [m]
+  kTyreSoftening,      ///< (axle load / largest force)^2 of both axles, with the curve tanh
+  kRearSoftening,      ///< how much more of it the rear axle has
+  kWideAngles,         ///< 1: angles may be of any size; 0: wheels turn and slip by small ones
+  kFrontDrive,         ///< share of the front wheels in drive and brake, where angles are wide
+  kLagOfR,             ///< time constant of the sensor's filter [s]
+  kLagOfVy,            ///< of vy and beta [s]
+  kLagOfAy,            ///< [s]
+  kArmOfVy,            ///< how far its sensor sits ahead of where the model has it [m]
+  kArmOfAy,            ///< the same [m]
+  kHeightOfVy,         ///< how far its sensor sits above the roll axis [m]
   kSecondaryEffects,
   kFirstEffectOfSensors = kLagOfR  ///< from here on they leave the car's motion as it is
 };

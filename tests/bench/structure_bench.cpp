@@ -77,7 +77,7 @@ Dataset long_drive(Eigen::Index rows) {
   SecondaryEffects effects{};
   effects[kTyreRelaxation] = 0.3;
   effects[kRollGradient] = 0.006;
-  effects[kTyreSofteningFront] = effects[kTyreSofteningRear] = 0.7;
+  effects[kTyreSoftening] = 0.7;
   simulate_with_effects(linear_car(bench_car()), effects, driven, 0.0, 0.0,
                         [&](Eigen::Index k, const Motion& at, double) {
                           out.y.col(k) << at.r + 0.12 * degree * random.normal(),

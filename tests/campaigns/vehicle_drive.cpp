@@ -83,7 +83,7 @@ Setting draw_setting(Random& random, std::string& words) {
     out.effects[kRollSteerRear] =
         between(random, -0.15, 0.15) * kind.m * kind.a / wheelbase / kind.Cr;
   }
-  out.effects[kTyreSofteningFront] = out.effects[kTyreSofteningRear] = between(random, 0.3, 1.2);
+  out.effects[kTyreSoftening] = between(random, 0.3, 1.2);
   out.speed = between(random, kind.slow, kind.fast) / 3.6;
   out.manoeuvre = static_cast<int>(4.0 * random.uniform());
   const std::array<std::vector<std::string>, 3> channels = {

@@ -79,7 +79,7 @@ std::vector<Unknown> unknown_effects(const SingleTrack<>& car) {
           {kRollGradient, drawn(0.0, 0.012), true},
           {kRollSteerFront, drawn(-0.15, 0.15) * front, false},
           {kRollSteerRear, drawn(-0.15, 0.15) * rear, false},
-          {kTyreSofteningFront, 0.9 / std::sqrt(12.0), true}};
+          {kTyreSoftening, 0.9 / std::sqrt(12.0), true}};
 }
 
 // Unknowns are Iz, Cf, Cr, the offset of the steering, then effects over their standard deviations.
@@ -96,7 +96,6 @@ Guess moved(Guess guess, const std::vector<Unknown>& effects, const Eigen::Vecto
     effect += effects[i].sd * step[kFirstEffect + static_cast<Eigen::Index>(i)];
     if (effects[i].positive) effect = std::max(0.0, effect);
   }
-  guess.effects[kTyreSofteningRear] = guess.effects[kTyreSofteningFront];  // drawn alike
   return guess;
 }
 

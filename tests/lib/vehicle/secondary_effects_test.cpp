@@ -155,7 +155,9 @@ TEST(SecondaryEffects, TyresOfOneAxleBendByThemselves) {
   const DrivenSegment turn = driven(time, Eigen::VectorXd::Constant(time.size(), 0.5), 0.005);
   const double stiff = with({}, turn)(0, turn.rows() - 1);
   SecondaryEffects front{}, rear{};
-  front[kTyreSofteningFront] = rear[kTyreSofteningRear] = 1.0;
+  front[kTyreSoftening] = 1.0;
+  front[kRearSoftening] = -1.0;
+  rear[kRearSoftening] = 1.0;
   EXPECT_LT(with(front, turn)(0, turn.rows() - 1), 0.999 * stiff);  // turns less
   EXPECT_GT(with(rear, turn)(0, turn.rows() - 1), 1.001 * stiff);   // and more
 }
