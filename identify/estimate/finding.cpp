@@ -278,7 +278,7 @@ constexpr std::array<FindingKind, 110> kKinds = {{
      Status::ok, Rank::consequence, InMessage::nothing,
      "Residuals are correlated in time: the model is incomplete"},
     {FindingCode::weak_direction, "weak_direction", Severity::warning, Severity::serious,
-     Status::untrusted, Rank::consequence, InMessage::nothing,
+     Status::untrusted, Rank::consequence, InMessage::name,
      "Parameters are poorly determined in combination; serious where Cf, Cr or Iz is not known to "
      "a quarter"},
     {FindingCode::steering_ratio, "steering_ratio", Severity::warning, Severity::warning,

@@ -120,7 +120,7 @@ Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCov
   std::vector<std::string> names;
   std::vector<Eigen::Index> rows;
   std::vector<double> values;
-  bool unknown = false;
+  std::vector<std::string> unknown;
   for (std::size_t i = 0; i < covariance.inner.size(); ++i) {
     const VehicleParameter parameter = problem.unknowns.free[covariance.inner[i]];
     if (!must_be_positive(parameter)) continue;
@@ -128,7 +128,7 @@ Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCov
       const EstimatedParameter& of =
           estimate.parameters[problem.unknowns.position[covariance.inner[i]]];
       // One that may be zero is rejected.
-      unknown = unknown || (relative_error(of) > kHardlyKnown && of.ci95[0] > 0.0);
+      if (relative_error(of) > kHardlyKnown && of.ci95[0] > 0.0) unknown.push_back(of.name);
     }
     names.emplace_back(name_of(parameter));
     rows.push_back(static_cast<Eigen::Index>(i));
@@ -162,11 +162,11 @@ Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCov
                         100.0 * share * std::abs(along[lead]) * size);
   }
   Finding finding = make_finding(
-      FindingCode::weak_direction, about,
+      FindingCode::weak_direction, unknown.empty() ? about : unknown,
       "poorly determined in combination (one standard error): " + text,
       "fix one of them at a value known from elsewhere, or record more: a sweep above 1.5 Hz, "
       "speeds that differ by 2, sideslip");
-  if (unknown) finding.severity = Severity::serious;
+  if (!unknown.empty()) finding.severity = Severity::serious;
   return {finding};
 }
 

@@ -142,7 +142,7 @@ class StudyUnknowns {
     if (sideslip && !has(sideslip_sensor(), SensorProperty::x)) {
       add_effect(kArmOfVy, 0.0, 0.02 * wheelbase, "m", place, false);
     }
-    if (sideslip) add_effect(kHeightOfVy, 0.0, 0.1 * wheelbase, "m", place, false);
+    if (sideslip) add_effect(kHeightOfVy, 0.0, 0.04 * wheelbase, "m", place, false);
     if (measured(VehicleQuantity::ay)) {
       if (!has(VehicleQuantity::ay, SensorProperty::x)) {
         add_effect(kArmOfAy, 0.0, 0.02 * wheelbase, "m", place, false);

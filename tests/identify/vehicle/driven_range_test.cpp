@@ -68,7 +68,7 @@ TEST(DrivenRange, ADriveBeyondItAccusesNoCar) {
   car.inverse_saturation_f = car.inverse_saturation_r = 1.0 / std::pow(6500.0, 2);
   const Model model = sladka2010_model({"r", "vy"});
   const VehicleEstimate fit = fit_vehicle(model, recorded_drive(car, 0.2));
-  const Validation beyond_it = validated(fit, model, recorded_drive(car, 1.2));
+  const Validation beyond_it = validated(fit, model, recorded_drive(car, 1.8));
   EXPECT_EQ(beyond_it.status, Status::untrusted) << beyond_it.message;
   EXPECT_THAT(beyond_it.message, HasSubstr("goes beyond what the result was fitted to: ay"));
   EXPECT_EQ(validated(fit, model, recorded_drive(car, 0.2)).status, Status::ok);
