@@ -113,8 +113,9 @@ namespace {
 bool is_doubted(const std::string& parameter, const Findings& findings) {
   return std::any_of(findings.begin(), findings.end(), [&](const Finding& f) {
     if (f.severity != Severity::serious) return false;
-    const bool of_some =
-        f.code == FindingCode::structure_dependent || f.code == FindingCode::several_maxima;
+    const bool of_some = f.code == FindingCode::structure_dependent ||
+                         f.code == FindingCode::several_maxima ||
+                         f.code == FindingCode::weak_direction;
     return !of_some || std::find(f.about.begin(), f.about.end(), parameter) != f.about.end();
   });
 }

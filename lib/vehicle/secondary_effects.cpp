@@ -34,7 +34,7 @@ class RollingCar {
         effects_(effects),
         front_(bent(car.front, effects[kTyreSoftening],
                     car.m * kStandardGravity * car.b / (car.a + car.b))),
-        rear_(bent(car.rear, effects[kTyreSoftening] + effects[kRearSoftening],
+        rear_(bent(car.rear, effects[kTyreSoftening] * std::exp(effects[kRearSoftening]),
                    car.m * kStandardGravity * car.a / (car.a + car.b))),
         gradient_(effects[kRollGradient]),
         frequency_(kUsualRollFrequency * std::exp(effects[kRollQuickness])),

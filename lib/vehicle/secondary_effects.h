@@ -24,8 +24,8 @@ enum SecondaryEffect {
   kRollDecay,          ///< logarithm of the damping of roll over 0.35
   kRollArm,            ///< centre of gravity above the roll axis, less kUsualRollArm wheelbases [m]
   kHeightOfAy,         ///< how far its sensor sits above the centre of gravity [m]
-  kTyreSoftening,      ///< (axle load / largest force)^2 of both axles, with the curve tanh
-  kRearSoftening,      ///< how much more of it the rear axle has
+  kTyreSoftening,      ///< (axle load / largest force)^2 of the front axle, with the curve tanh
+  kRearSoftening,      ///< logarithm of the rear axle's over it
   kWideAngles,         ///< 1: angles may be of any size; 0: wheels turn and slip by small ones
   kFrontDrive,         ///< share of the front wheels in drive and brake, where angles are wide
   kLagOfR,             ///< time constant of the sensor's filter [s]

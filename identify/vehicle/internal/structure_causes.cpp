@@ -101,7 +101,7 @@ class StudyUnknowns {
     if (problem_.unknowns.curve == TyreCurve::linear) {
       const std::string gently = "gentler driving, or `tyre: {curve: tanh}`";
       add_effect(kTyreSoftening, 0.8, 0.5, "", gently);
-      add_effect(kRearSoftening, 0.0, 0.2, "", gently, false);
+      add_effect(kRearSoftening, 0.0, 0.25, "", gently, false);
     }
     if (wide_angle(problem_, p_)) {
       add_effect(kFrontDrive, 0.5, 0.35, "", "which axle drives");

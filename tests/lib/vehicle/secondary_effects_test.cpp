@@ -156,8 +156,9 @@ TEST(SecondaryEffects, TyresOfOneAxleBendByThemselves) {
   const double stiff = with({}, turn)(0, turn.rows() - 1);
   SecondaryEffects front{}, rear{};
   front[kTyreSoftening] = 1.0;
-  front[kRearSoftening] = -1.0;
-  rear[kRearSoftening] = 1.0;
+  front[kRearSoftening] = -50.0;
+  rear[kTyreSoftening] = 1e-9;
+  rear[kRearSoftening] = std::log(1e9);
   EXPECT_LT(with(front, turn)(0, turn.rows() - 1), 0.999 * stiff);  // turns less
   EXPECT_GT(with(rear, turn)(0, turn.rows() - 1), 1.001 * stiff);   // and more
 }
