@@ -101,7 +101,7 @@ class StudyUnknowns {
     if (problem_.unknowns.curve == TyreCurve::linear) {
       const std::string gently = "gentler driving, or `tyre: {curve: tanh}`";
       add_effect(kTyreSoftening, 0.8, 0.5, "", gently);
-      add_effect(kRearSoftening, 0.0, 0.25, "", gently, false);
+      add_effect(kRearSoftening, 0.0, 0.15, "", gently, false);
     }
     if (wide_angle(problem_, p_)) {
       add_effect(kFrontDrive, 0.5, 0.35, "", "which axle drives");
@@ -117,7 +117,7 @@ class StudyUnknowns {
     add_effect(kRollSteerFront, 0.0, front, "rad/(m/s^2)", roll, false);
     add_effect(kRollSteerRear, 0.0, rear, "rad/(m/s^2)", roll, false);
     add_effect(kRollQuickness, 0.0, 0.5, "", roll, false);
-    add_effect(kRollDecay, 0.0, 0.4, "", roll, false);
+    add_effect(kRollDecay, 0.0, 0.25, "", roll, false);
     const double wheelbase = p_[kA] + p_[kB];
     add_effect(kRollArm, 0.0, kUsualRollArm * wheelbase, "m", roll, false);
     all.back().lower = -2.0 * kUsualRollArm * wheelbase;  // an axis as far above the centre

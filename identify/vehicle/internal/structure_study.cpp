@@ -38,7 +38,8 @@ class StructureSearch {
     at_.states = optimum.z.tail(2 * static_cast<Eigen::Index>(problem.run->segments.size()));
     unknowns_ = study_unknowns(problem, at_.p);
     at_.effects[kTyreRelaxation] = at_.p[kRelaxationLength];
-    at_.effects[kWideAngles] = wide_angle(problem, at_.p) ? 1.0 : 0.0;
+    wide_angle_ = wide_angle(problem, at_.p);
+    at_.effects[kWideAngles] = wide_angle_ ? 1.0 : 0.0;
     for (const StudyUnknown& u : unknowns_) {
       if (u.kind == StudyUnknown::Kind::effect && u.sd < kInfinity) entry(at_, u) = u.mean;
     }
@@ -431,7 +432,7 @@ class StructureSearch {
     const Eigen::Index free = problem_.parameters(), causes = count() - free;
     out.value = coordinates(at_).cwiseProduct(problem_.unknowns.scale);
     out.covariance = covariance_.topLeftCorner(free, free);
-    out.wide_angle = wide_angle(problem_, at_.p);
+    out.wide_angle = wide_angle_;
     allow_for_rolling(out);
     const Eigen::VectorXd sd = covariance_.diagonal().cwiseSqrt();
     out.with_causes = sd.head(free).cwiseInverse().asDiagonal() *
@@ -457,6 +458,7 @@ class StructureSearch {
   SecondarySimulation simulation_;
   std::vector<StudyUnknown> unknowns_;
   StudyPoint at_;
+  std::optional<double> wide_angle_;
   Eigen::VectorXd weight_, prior_sd_;
   Eigen::MatrixXd by_unknown_;
   Eigen::MatrixX2d by_state_;
