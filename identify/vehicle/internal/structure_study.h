@@ -49,7 +49,8 @@ struct StructureStudy {
 
 /// Fits the vehicle once more with everything unknown at once that explains the same milliseconds
 /// and degrees: delay, lag and noise of the steering, relaxation length, roll with camber and roll
-/// steer, bending tyres, wheels that turn by large angles, filters, places and gains of the sensors, offsets and the steering ratio.
+/// steer, bending tyres, wheels that turn by large angles, filters, places and gains of the sensors,
+/// offsets and the steering ratio.
 /// Each has a prior that says what cars and test equipment have; what the model file frees or names
 /// is left to it.
 /// The maximum of
