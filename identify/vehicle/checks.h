@@ -26,6 +26,8 @@ Findings check_plausibility(const VehicleParameters<double>& p, const VehicleEst
 
 /// The change of the positive parameters, relative to their size, that the recording determines
 /// least, when its standard error is above a quarter: where a user has to look for more knowledge.
+/// Serious, and about them alone, where Cf, Cr or Iz is above zero and not known to a quarter.
+///   @param estimate  with its standard errors and intervals
 Findings check_weakest_direction(const VehicleProblem& problem, const VehicleCovariance& covariance,
                                  const VehicleParameters<double>& p,
                                  const VehicleEstimate& estimate);
