@@ -20,6 +20,7 @@
 #include "identify/noise/internal/shot_starts.h"
 #include "lib/base/random.h"
 #include "solvers/covariance.h"
+#include "solvers/observed_newton.h"
 #include "solvers/parallel.h"
 #include "solvers/trust_region.h"
 
@@ -36,6 +37,7 @@ constexpr int kDoubted = 5;            // starts where there is a doubt
 constexpr int kSearchRounds = 4;       // of looking around the best
 constexpr int kApproach = 500;         // iterations towards a simulation's least squares
 constexpr int kFromShot = 60;          // the same from where multiple shooting has found them
+constexpr int kByCurvature = 40, kCurvatureSteps = 60;  // unknowns at most, steps
 constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
 struct Point {
@@ -183,6 +185,29 @@ class Searches {
     if (scales_) summary.initial_objective = at_start;
     out.path.insert(out.path.begin(), summary.initial_objective);
     return out;
+  }
+
+  // Where scoring has come no further, by the curvature that the likelihood has there.
+  void go_on_by_curvature(const LikelihoodProblem& problem, Search& search) {
+    Solution& end = search.solution;
+    const Termination how = end.summary.termination;
+    const bool short_of = how == Termination::no_progress || how == Termination::iteration_limit;
+    if (!short_of || options_.iterations > 0 || stopped_ || end.x.size() > kByCurvature) return;
+    SolverOptions solver = search_options();
+    solver.max_iterations = kCurvatureSteps;
+    solver.progress = [&](int iteration, double L) {
+      stopped_ = stopped_ || (options_.progress && !options_.progress(1, iteration, L));
+      return !stopped_.load();
+    };
+    const LikelihoodProblem inside = roots_.problem(problem);
+    const VectorXd from = roots_.from(end.x).cwiseMax(inside.lower).cwiseMin(inside.upper);
+    Solution top = maximise_by_curvature(inside, from, solver);
+    top.summary.initial_objective = end.summary.initial_objective;
+    add_effort(end.summary, top.summary);
+    const double gain = top.summary.objective - end.summary.objective;
+    if (!(gain > (top.summary.usable() ? -kSameMaximum : 0.0))) return;
+    search.on_circle = roots_.on_circle(top.x);
+    end = {roots_.to(top.x).cwiseMax(problem.lower).cwiseMin(problem.upper), top.summary};
   }
 
   // Are others chosen where a search has ended?
@@ -360,12 +385,12 @@ bool breaks_constraints(const RecordingsLikelihood& likelihood, const ParameterS
   return likelihood.log_density_beside_data(at) - stated_priors_at(at).value < -kHolds;
 }
 
-const Solution& best_of(const std::vector<Search>& all) {
+std::size_t best_of(const std::vector<Search>& all) {
   std::size_t best = 0;
   for (std::size_t i = 1; i < all.size(); ++i) {
     if (is_better(all[best].solution.summary, all[i].solution.summary)) best = i;
   }
-  return all[best].solution;
+  return best;
 }
 
 // The ends by place become those by start; a place that is far from the best was not searched from.
@@ -415,13 +440,16 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
   for (int round = 0; round < kSearchRounds && !alone && !searches.stopped(); ++round) {
     if (searches.size() == 1 && !searches.look_around()) break;
     const std::size_t before = all.size();
-    const Solution from = best_of(all);
+    const Solution from = all[best_of(all)].solution;
     out.evaluations += searches.choose_others(problem, from.x, round);
     all.resize(searches.size());
     run_others(searches, likelihood, problem, factors, options.threads, before, all);
-    const bool better = best_of(all).summary.objective > from.summary.objective + kSameMaximum;
+    const bool better =
+        all[best_of(all)].solution.summary.objective > from.summary.objective + kSameMaximum;
     if (!searches.look_around() || options.starts > 0 || !better) break;
   }
+
+  searches.go_on_by_curvature(problem, all[best_of(all)]);
 
   const Solution& first = all[0].solution;
   out.start_value = first.summary.initial_objective;

@@ -225,5 +225,44 @@ TEST(NoiseMlSearch, StartsOnceWhereThereIsNoDoubt) {
   EXPECT_GT(at_zero, 0);
 }
 
+// Of a seasonal autoregression that begins with a variance of 1e10 in each state, the likelihood has a
+// spike where a coefficient is zero: of a width of 1e-4, and without expected information at its top.
+TEST(NoiseMlSearch, ArrivesAtTheSpikeOfALargeStartVariance) {
+  const Model model = model_of(R"(identikal: 1
+name: seasonal
+time: {step: 1 s}
+parameters:
+  a1: {value: 0.1}
+  a2: {value: 0}
+  a3: {value: 0}
+  s2: {value: 2000, min: 0}
+A: [[0, 0, 0, a1, 0, 0, 0, a2, 0, 0, 0, a3], [1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+    [0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+    [0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0],
+    [0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0],
+    [0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0],
+    [0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0]]
+G: [[1], [0], [0], [0], [0], [0], [0], [0], [0], [0], [0], [0]]
+C: [[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]]
+Q: [[s2]]
+R: [[0]]
+initial:
+  mean: [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+  sd: [1e5, 1e5, 1e5, 1e5, 1e5, 1e5, 1e5, 1e5, 1e5, 1e5, 1e5, 1e5]
+outputs: [{name: y, column: y}]
+)");
+  for (const std::uint64_t seed : {3, 9}) {  // of 24, those where the search ended short of it
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    MatrixXd y(1, 124);
+    double level = 30.0;
+    for (Index t = 0; t < y.cols(); ++t) y(0, t) = level += 0.7 + 0.8 * random.normal();
+    Dataset data = dataset_of(y);
+    data.outputs[0].name = "y";
+    const NoiseEstimate e = tune_ml(model, {data});
+    EXPECT_NE(e.status, Status::not_converged) << e.objective.log_likelihood;
+  }
+}
+
 }  // namespace
 }  // namespace identikal
