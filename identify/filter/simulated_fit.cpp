@@ -16,6 +16,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/filter/report.h"
+#include "identify/model/row_order.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/base/nearest_turn.h"
@@ -133,6 +134,7 @@ MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
 
 std::string why_no_simulation(const Model& model, const ParameterSet& parameters,
                               const Dataset& recording, const std::vector<ChannelFit>& fits) {
+  if (rows_have_no_order(model, parameters)) return "";
   if (recording.u.rows() == 0) return "no input drives the model";
   // A fit that is no number explains nothing either.
   const bool explains = std::all_of(fits.begin(), fits.end(),

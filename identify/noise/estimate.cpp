@@ -78,6 +78,7 @@ Findings check_search(const Estimate& estimate, const SolverSummary& summary,
 ExcessMeanSquareError excess_error(const Estimate& estimate, const Model& model,
                                    const ParameterSet& at) {
   ExcessMeanSquareError loss;
+  if (rows_have_no_order(model, at)) return loss;  // no state to be wrong about
   if (changes(model)) {
     loss.reason = "a model that changes from sample to sample has no steady filter";
     return loss;

@@ -14,6 +14,7 @@
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
 #include "identify/model/parameter_prior.h"
+#include "identify/model/row_order.h"
 #include "identify/model/simulation_model.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/coloured_errors.h"
@@ -226,9 +227,11 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   report_priors(estimate, end);
   append(estimate.findings,
          check_constraints(model.constraints, likelihood.multipliers(), end, !coloured));
-  report_evaluation(likelihood.evaluation_taken(), objective);
-  append(estimate.findings,
-         check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));
+  if (!rows_have_no_order(model, end)) {
+    report_evaluation(likelihood.evaluation_taken(), objective);
+    append(estimate.findings,
+           check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));
+  }
   const bool converged = found.best.summary.usable();
   const ProfiledMaximum maximum{likelihood, factors,         end,    found.best, judged,
                                 samples,    options.threads, freedom};

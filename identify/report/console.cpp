@@ -113,6 +113,7 @@ std::string excess_text(const ResultSections& result) {
   if (!excess.reason.empty()) {
     return wrapped("excess mean-square error not known: " + excess.reason, 7);
   }
+  if (std::isnan(excess.relative)) return "";
   const std::string percent = percent_text(100.0 * excess.relative);
   std::string out =
       result.bound != nullptr
@@ -145,8 +146,9 @@ std::string rank_text(const RankSelection& s) {
 std::string noise_text(const ResultSections& result) {
   if (result.noise == nullptr) return "";
   const Noise& noise = *result.noise;
-  return matrix_text("Q", noise.Q) + matrix_text("R", noise.R) + matrix_text("S", noise.S) +
-         matrix_text("K", noise.K_steady) + excess_text(result) +
+  const bool moves = !noise.Q.isZero(0.0) || noise.K_steady.size() > 0;  // else Q says nothing
+  return (moves ? matrix_text("Q", noise.Q) : "") + matrix_text("R", noise.R) +
+         matrix_text("S", noise.S) + matrix_text("K", noise.K_steady) + excess_text(result) +
          (result.minimum_rank != nullptr ? rank_text(*result.minimum_rank) : "") +
          (noise.Q.size() > 0 ? "\n" : "");
 }

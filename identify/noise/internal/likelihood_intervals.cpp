@@ -91,11 +91,13 @@ class ProfilePath {
 };
 
 // Where the drop reaches half of target^2, going out from the coordinate's value by `first`; the
-// bound where it does not.
+// bound where it does not, or infinity where far out it does not grow any more: a curve that the
+// recording shows the beginning of may end anywhere.
 // @param linear  the root of the drop is near to linear in the coordinate; else the drop
 std::optional<double> end_of_interval(ProfilePath& path, const Profiled& at, double first,
                                       double target, bool linear) {
   constexpr int kMost = 40, kSecants = 10, kUndefined = 4;
+  constexpr double kFar = 8.0, kFarther = 1.5, kGrows = 1e-3;
   const double sign = first < 0.0 ? -1.0 : 1.0;
   const double bound = sign < 0.0 ? at.problem.lower[at.i] : at.problem.upper[at.i];
   const double wanted = linear ? target : target * target;
@@ -120,6 +122,12 @@ std::optional<double> end_of_interval(ProfilePath& path, const Profiled& at, dou
     const End here{next, linear ? root : root * root};
     if (std::abs(root - target) < kNearEnd) return next;
     if (here.size < wanted && stopped) return bound;
+    const double out = std::abs(here.value - at.x[at.i]);
+    const bool farther = out > kFarther * std::abs(inside.value - at.x[at.i]);
+    if (!outside && farther && out > kFar * std::abs(first) && here.size < wanted &&
+        here.size - inside.size < kGrows * wanted) {
+      return sign * kInfinity;
+    }
     const double width = std::abs(here.value - inside.value);
     if (here.size < wanted) {
       before = inside;

@@ -12,6 +12,7 @@
 #include "identify/model/recording.h"
 #include "identify/model/row_order.h"
 #include "identify/noise/ml.h"
+#include "lib/base/constants.h"
 #include "lib/base/random.h"
 
 namespace identikal {
@@ -180,6 +181,36 @@ TEST(RegressionErrorsOfFewRows, IntervalsCover) {
     EXPECT_GE(k, 930);
     EXPECT_LE(k, 970);
   }
+}
+
+// A curve of which the recording shows the beginning: how high it ends is bounded from below only,
+// where the sum of squares is 1 + t^2 / (n - p) times the least (Bates & Watts 1988, section 6.1).
+TEST(StaticModel, AnIntervalMayHaveNoEnd) {
+  constexpr Index kRows = 12;
+  Random random(3);
+  VectorXd x(kRows), y(kRows);
+  for (Index i = 0; i < kRows; ++i) {
+    x[i] = static_cast<double>(i + 1);
+    y[i] = 20.0 * (1.0 - std::exp(-0.05 * x[i])) + 0.6 * random.normal();
+  }
+  const Model model = static_model("b1: 10\n  b2: 0.1", "b1*(1 - exp(-b2*x))");
+  const NoiseEstimate e = tune_ml(model, {recording(model, Samples(y), 1.0, Samples(x))});
+  const EstimatedParameter& b1 = e.parameters[0];
+  EXPECT_TRUE(std::isinf(b1.profile95[1])) << b1.profile95[1];
+  const auto squares = [&](double height, double rate) {
+    return (y.array() - height * (1.0 - (-rate * x.array()).exp())).square().sum();
+  };
+  const auto least_squares = [&](double height) {
+    double best = kInfinity;
+    for (double rate = 1e-7; rate < 1.0; rate *= 1.0002) {
+      best = std::min(best, squares(height, rate));
+    }
+    return best;
+  };
+  constexpr double kT = 2.228139;  // Student's t, 10 degrees of freedom, 97.5 %
+  const double least = squares(b1.value, e.parameters[1].value);
+  EXPECT_NEAR(least_squares(b1.profile95[0]) / least, 1.0 + kT * kT / 10.0, 1e-3);
+  EXPECT_LT(least_squares(1e6) / least, 1.0 + kT * kT / 10.0);
 }
 
 TEST(StaticModel, RefusesWhatMoves) {
