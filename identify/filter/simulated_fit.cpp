@@ -132,6 +132,12 @@ MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
   return out.array().isFinite().select(out, kInfinity);
 }
 
+MatrixXd simulation_errors(const Model& model, const ParameterSet& parameters,
+                           const Dataset& recording) {
+  const MatrixXd simulated = simulated_outputs(model, parameters, recording);
+  return recording.y - with_nearest_turns(model, recording.y, simulated);
+}
+
 std::string why_no_simulation(const Model& model, const ParameterSet& parameters,
                               const Dataset& recording, const std::vector<ChannelFit>& fits) {
   if (rows_have_no_order(model, parameters)) return "";
@@ -151,8 +157,7 @@ void report_simulation(FilterEstimate& estimate, const Model& model, const Param
   MatrixXd y, errors;
   for (const Dataset& data : recordings) {
     append(y, data.y);
-    append(errors,
-           data.y - with_nearest_turns(model, data.y, simulated_outputs(model, parameters, data)));
+    append(errors, simulation_errors(model, parameters, data));
   }
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
   const std::string why = why_no_simulation(model, parameters, recordings[0], estimate.simulation);

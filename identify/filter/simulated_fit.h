@@ -25,7 +25,12 @@ namespace identikal {
 Eigen::MatrixXd simulated_outputs(const Model& model, const ParameterSet& parameters,
                                   const Dataset& recording);
 
-/// The same from a state that is given: x at the recording's first sample.
+/// What is measured less what is simulated, an angle's difference the short way round.
+/// @return SI, ny x N; NaN where nothing is measured
+Eigen::MatrixXd simulation_errors(const Model& model, const ParameterSet& parameters,
+                                  const Dataset& recording);
+
+/// simulated_outputs() from a state that is given: x at the recording's first sample.
 Eigen::MatrixXd outputs_from(const Model& model, const ParameterSet& parameters,
                              const Dataset& recording, const Eigen::VectorXd& x);
 

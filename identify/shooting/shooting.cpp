@@ -1,8 +1,10 @@
 #include "identify/shooting/shooting.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 
 #include "identify/shooting/internal/attempt.h"
@@ -13,6 +15,8 @@ namespace {
 
 constexpr double kAgreement = 0.8;  // of the starts: as many make no other path necessary
 constexpr double kFar = 2.0;        // errors this many times the best's are of another place
+
+using Eigen::Index;
 
 using Attempts = std::vector<std::unique_ptr<Attempt>>;
 
@@ -36,13 +40,67 @@ std::size_t lowest(const Attempts& attempts) {
                                   attempts.begin());
 }
 
+// The beginning of each recording; none where that is too little for the unknowns.
+std::vector<Dataset> beginnings(const std::vector<Dataset>& recordings, double share,
+                                Index unknowns) {
+  constexpr double kPerUnknown = 5.0;
+  std::vector<Dataset> out;
+  Index measured = 0;
+  for (const Dataset& data : recordings) {
+    const auto rows = static_cast<Index>(std::ceil(share * static_cast<double>(data.size())));
+    out.push_back(first_samples(data, rows));
+    measured += (out.back().y.array() == out.back().y.array()).count();
+  }
+  if (static_cast<double>(measured) < kPerUnknown * static_cast<double>(unknowns)) out.clear();
+  return out;
+}
+
+void follow_path(Attempt& attempt, const std::function<bool()>& go_on) {
+  attempt.begin_path();
+  while (go_on() && attempt.next_stage()) {
+  }
+  if (go_on()) attempt.search_from_path();
+}
+
+// Where growing parts of the recordings lead: from the candidates on the shortest, from there on the
+// next, and by the path where that does not follow as closely as before. Null where it leads nowhere.
+std::unique_ptr<Attempt> by_parts(const Model& model, const std::vector<Dataset>& recordings,
+                                  const std::vector<ParameterSet>& candidates,
+                                  const std::function<bool()>& go_on) {
+  constexpr double kAsClosely = 1.3;
+  const Index unknowns = free_entries(candidates.front()).size();
+  std::vector<ParameterSet> from = candidates;
+  double error = 0.0;
+  std::unique_ptr<Attempt> out;
+  for (const double share : {0.125, 0.25, 0.5, 1.0}) {
+    const bool whole = share == 1.0;
+    const std::vector<Dataset> parts = whole ? recordings : beginnings(recordings, share, unknowns);
+    if (parts.empty()) continue;
+    if (!go_on()) return nullptr;
+    out = std::make_unique<Attempt>(model, whole ? recordings : parts, from);
+    out->search_from_candidates();
+    if (!(out->error() < kAsClosely * error)) follow_path(*out, go_on);
+    if (!std::isfinite(out->loss())) return nullptr;
+    if (whole) break;
+    out->refine();
+    error = out->error();
+    from = {out->end().parameters};
+  }
+  return out;
+}
+
 // Several starts at a time, until told to stop.
 class SeveralAttempts {
  public:
   SeveralAttempts(const Model& model, const std::vector<Dataset>& recordings,
                   const std::vector<std::vector<ParameterSet>>& candidates,
                   const ShootingOptions& options)
-      : options_(options), attempts_(candidates.size()) {
+      : model_(model),
+        recordings_(recordings),
+        candidates_(candidates),
+        options_(options),
+        attempts_(candidates.size()),
+        by_parts_(candidates.size(), 0) {
     for_each([&](std::unique_ptr<Attempt>& attempt, int i) {
       const std::vector<ParameterSet>& from = candidates[static_cast<std::size_t>(i)];
       attempt = std::make_unique<Attempt>(model, recordings, from);
@@ -53,24 +111,41 @@ class SeveralAttempts {
 
   // The path for all that are not at the best place, where too few are.
   void follow_paths() {
+    for_those_elsewhere([&](std::unique_ptr<Attempt>& attempt, int i) {
+      follow_path(*attempt, [&] { return go_on(i); });
+    });
+  }
+
+  // Parts of the recordings that grow, for the same.
+  void grow_recordings() {
+    for_those_elsewhere([&](std::unique_ptr<Attempt>& attempt, int i) {
+      if (attempt->is_confirmed() && attempts_.size() == 1) return;
+      const auto start = static_cast<std::size_t>(i);
+      std::unique_ptr<Attempt> other =
+          by_parts(model_, recordings_, candidates_[start], [&] { return go_on(i); });
+      if (!other || !other->is_below(*attempt)) return;
+      attempt = std::move(other);
+      by_parts_[start] = 1;
+    });
+  }
+
+  const Attempts& all() const { return attempts_; }
+  bool is_by_parts(std::size_t start) const { return by_parts_[start] != 0; }
+
+ private:
+  template <typename Task>
+  void for_those_elsewhere(const Task& task) {
     const std::vector<int> same = same_places(attempts_);
     const int best = same[lowest(attempts_)];
     const auto agree = static_cast<double>(std::count(same.begin(), same.end(), best));
     const bool alone = attempts_.size() == 1;
     if (agree >= kAgreement * static_cast<double>(attempts_.size()) && !alone) return;
     for_each([&](std::unique_ptr<Attempt>& attempt, int i) {
-      if (same[static_cast<std::size_t>(i)] == best && !alone) return;
-      attempt->begin_path();
-      while (go_on(i) && attempt->next_stage()) {
-      }
-      if (go_on(i)) attempt->search_from_path();
+      if (alone || same[static_cast<std::size_t>(i)] != best) task(attempt, i);
     });
     refine_lowest();
   }
 
-  const Attempts& all() const { return attempts_; }
-
- private:
   template <typename Task>
   void for_each(const Task& task) {
     in_parallel(static_cast<int>(attempts_.size()), options_.threads,
@@ -97,8 +172,12 @@ class SeveralAttempts {
     });
   }
 
+  const Model& model_;
+  const std::vector<Dataset>& recordings_;
+  const std::vector<std::vector<ParameterSet>>& candidates_;
   const ShootingOptions& options_;
   Attempts attempts_;
+  std::vector<char> by_parts_;  // of each: growing parts of the recordings have led it
   std::mutex mutex_;
   bool stopped_ = false;
 };
@@ -138,11 +217,13 @@ std::vector<ShootingEnd> shoot(const Model& model, const std::vector<Dataset>& r
   if (candidates.empty()) return {};
   SeveralAttempts attempts(model, recordings, candidates, options);
   attempts.follow_paths();
+  attempts.grow_recordings();
   const std::vector<int> same = same_places(attempts.all());
   std::vector<ShootingEnd> out;
   for (std::size_t i = 0; i < same.size(); ++i) {
     out.push_back(attempts.all()[i]->end());
     out.back().same_as = same[i];
+    out.back().by_parts = attempts.is_by_parts(i);
   }
   return out;
 }

@@ -35,6 +35,7 @@ struct ShootingEnd {
   bool converged = false;  ///< no step from there lowers the squares
   int same_as = 0;         ///< the first start that has led to the same place, from 0; or itself
   std::vector<ShootingStage> stages;  ///< of the path; empty: simulations alone led here
+  bool by_parts = false;              ///< growing parts of the recordings led here
   int iterations = 0, evaluations = 0;
 };
 
@@ -50,6 +51,8 @@ bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& re
 /// follow the outputs, errors do not pile up along the recording, and that problem is nearly quadratic
 /// (internal/trajectory_problem.h). The freedom is then taken from them step by step, from prediction
 /// to simulation, each from where the last has ended, until a simulation does as well.
+/// Where that is not enough either, from the first eighth, quarter and half of each recording: phases
+/// of an oscillation whose frequency is off run apart over a long one, not over its beginning.
 /// Source: Bock (1983), "Recent advances in parameter identification techniques for O.D.E.";
 /// Voss, Timmer & Kurths (2004), "Nonlinear dynamical system identification from uncertain and
 /// indirect measurements".

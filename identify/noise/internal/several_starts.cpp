@@ -187,14 +187,16 @@ class Searches {
     return out;
   }
 
-  // Where scoring has come no further, by the curvature that the likelihood has there.
-  void go_on_by_curvature(const LikelihoodProblem& problem, Search& search) {
+  // Where scoring has come no further, by the curvature that the likelihood has there; with no more
+  // evaluations than all searches have taken.
+  void go_on_by_curvature(const LikelihoodProblem& problem, int evaluations, Search& search) {
     Solution& end = search.solution;
     const Termination how = end.summary.termination;
     const bool short_of = how == Termination::no_progress || how == Termination::iteration_limit;
     if (!short_of || options_.iterations > 0 || stopped_ || end.x.size() > kByCurvature) return;
     SolverOptions solver = search_options();
-    solver.max_iterations = kCurvatureSteps;
+    solver.max_iterations =
+        std::min(kCurvatureSteps, evaluations / (2 * static_cast<int>(end.x.size()) + 2));
     solver.progress = [&](int iteration, double L) {
       stopped_ = stopped_ || (options_.progress && !options_.progress(1, iteration, L));
       return !stopped_.load();
@@ -393,6 +395,12 @@ std::size_t best_of(const std::vector<Search>& all) {
   return best;
 }
 
+int evaluations_of(const std::vector<Search>& all) {
+  int out = 0;
+  for (const Search& search : all) out += search.solution.summary.evaluations;
+  return out;
+}
+
 // The ends by place become those by start; a place that is far from the best was not searched from.
 void count_shots(const ShotStarts& shot, SeveralStarts& out) {
   std::vector<SearchEnd> ends;
@@ -449,7 +457,7 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     if (!searches.look_around() || options.starts > 0 || !better) break;
   }
 
-  searches.go_on_by_curvature(problem, all[best_of(all)]);
+  searches.go_on_by_curvature(problem, evaluations_of(all), all[best_of(all)]);
 
   const Solution& first = all[0].solution;
   out.start_value = first.summary.initial_objective;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "identify/filter/simulated_fit.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/internal/scattered_start.h"
 #include "identify/shooting/shooting.h"
@@ -29,9 +30,47 @@ std::vector<std::vector<ParameterSet>> candidates_about(const ParameterSet& para
   return out;
 }
 
+double log_likelihood_of(double loss, double values) {
+  return -loss - 0.5 * values * (1.0 + kLogTwoPi);
+}
+
 std::size_t lowest(const std::vector<ShootingEnd>& ends) {
   const auto less = [](const auto& a, const auto& b) { return a.loss < b.loss; };
   return static_cast<std::size_t>(std::min_element(ends.begin(), ends.end(), less) - ends.begin());
+}
+
+// ShootingEnd::loss by the model's own simulation.
+double simulated_loss(const Model& model, const std::vector<Dataset>& recordings,
+                      const ParameterSet& at) {
+  const Eigen::Index outputs = recordings[0].y.rows();
+  Eigen::ArrayXd squares = Eigen::ArrayXd::Zero(outputs), counts = squares;
+  for (const Dataset& data : recordings) {
+    const Eigen::ArrayXXd errors = simulation_errors(model, at, data).array();
+    const auto measured = errors == errors;
+    squares += measured.select(errors.square(), 0.0).rowwise().sum();
+    counts += measured.cast<double>().rowwise().sum();
+  }
+  const double out = (0.5 * counts * (squares / counts.max(1.0)).log()).sum();
+  return std::isnan(out) ? kInfinity : out;
+}
+
+// The lowest that the model's own simulation, with its own control of the integration, does not
+// contradict: steps that do for the slow part of a motion may be far too long for another part of it.
+std::size_t lowest_confirmed(const Model& model, const std::vector<Dataset>& recordings,
+                             std::vector<ShootingEnd>& ends) {
+  constexpr double kContradicted = 1.0;
+  while (true) {
+    const std::size_t best = lowest(ends);
+    const double claimed = ends[best].loss;
+    if (!std::isfinite(claimed)) return best;
+    const double excess = simulated_loss(model, recordings, ends[best].parameters) - claimed;
+    if (!(excess > kContradicted)) return best;
+    const int there = ends[best].same_as;
+    for (ShootingEnd& end : ends) {
+      if (end.same_as == there) end.loss += excess;
+    }
+    if (lowest(ends) == best) return best;
+  }
 }
 
 }  // namespace
@@ -48,13 +87,13 @@ std::optional<ShotStarts> shot_starts(const RecordingsLikelihood& likelihood,
   shooting.threads = options.threads;
   const double values = likelihood.samples();
   shooting.progress = [&](int start, int iterations, double loss) {
-    const double L = -loss - 0.5 * values * (1.0 + kLogTwoPi);
-    out.stopped = options.progress && !options.progress(start + 1, iterations, L);
+    out.stopped = options.progress &&
+                  !options.progress(start + 1, iterations, log_likelihood_of(loss, values));
     return !out.stopped;
   };
-  const std::vector<ShootingEnd> ends = shoot(
+  std::vector<ShootingEnd> ends = shoot(
       model, likelihood.recordings(), candidates_about(parameters, starts, options.seed), shooting);
-  const std::size_t best = lowest(ends);
+  const std::size_t best = lowest_confirmed(model, likelihood.recordings(), ends);
   if (!std::isfinite(ends[best].loss)) return std::nullopt;
   const auto add_place = [&](std::size_t i) {
     out.places.push_back(factors.from(coordinates(ends[i].parameters)));

@@ -251,9 +251,13 @@ void Attempt::search_from_path() {
   if (path_.empty()) return;
   problem_.output_sd = deviation_;
   const double before = loss_;
-  take(search_simulation(trajectory_.shared, tolerance_), path_);
+  const SimulatedEnd found = search_simulation(trajectory_.shared, tolerance_);
+  confirmed_ = std::abs(found.loss - before) < kSettledLoss;
+  take(found, path_);
   if (loss_ < before) refined_ = tolerance_ == kExact;
 }
+
+bool Attempt::is_below(const Attempt& other) const { return loss_ < other.loss_ - kSettledLoss; }
 
 bool Attempt::meets(const Attempt& other) const {
   if (!std::isfinite(loss_) || !std::isfinite(other.loss_)) return false;

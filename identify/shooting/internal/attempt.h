@@ -1,6 +1,7 @@
 // Where does one start lead, by simulations and by free trajectories?
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "identify/shooting/internal/trajectory_problem.h"
@@ -31,11 +32,18 @@ class Attempt {
   /// Do both lead to the same place? Where they are not further apart than noise can tell.
   bool meets(const Attempt& other) const;
 
+  /// Has the path ended where the candidates had led?
+  bool is_confirmed() const { return confirmed_; }
+
   ShootingEnd end() const;
   double loss() const { return loss_; }
   int iterations() const { return iterations_; }
   /// Outputs are this many times worse than those of a loss, on average over all of them.
   double worse_than(double loss) const;
+  /// The outputs' errors, as a geometric mean in SI.
+  double error() const { return std::exp(loss_ / values_); }
+  /// Lower than another by more than a search leaves open.
+  bool is_below(const Attempt& other) const;
 
  private:
   struct SimulatedEnd {
@@ -62,7 +70,7 @@ class Attempt {
   // The lowest simulation so far.
   Eigen::VectorXd p_;
   double loss_ = std::numeric_limits<double>::infinity();
-  bool converged_ = false, refined_ = false;
+  bool converged_ = false, refined_ = false, confirmed_ = false;
   Eigen::MatrixXd root_information_;  // of errors that are as large as those there
   std::vector<ShootingStage> stages_;
   // The path.

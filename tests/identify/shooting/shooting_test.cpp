@@ -72,6 +72,28 @@ initial: {mean: {phi: p0, v: w0}, sd: {phi: 0, v: 0}}
 )yaml",
                             VectorXd{{1.0, 0.5, 1.15, 0.5, 0.2}}, 0.1, 0.02, 1200};
 
+// A driven oscillator with two wells, its frequencies unknown: ten per cent of the drive's are six
+// radians over the recording, and none over its beginning.
+const Chaos kTwoWells{R"yaml(identikal: 1
+name: two wells
+time: {kind: continuous, step: 0.05 s}
+parameters:
+  d: {value: 0.5 1/s, min: 0}
+  a: {value: 0.5 1/s^2}
+  b: {value: 0.5 1/s^2}
+  f: {value: 0.5 1/s^2}
+  w: {value: 1.1 1/s, min: 0}
+  p0: {value: 0.4}
+  v0: {value: 0 1/s}
+  r: {value: 1, min: 1e-9}
+states: {p: 1, v: 1/s}
+dynamics: {p: v, v: -d*v + a*p - b*p^3 + f*cos(w*t)}
+outputs: {o: {column: o, unit: 1, equals: p}}
+noise: {measurement: {variance: {o: r}}}
+initial: {mean: {p: p0, v: v0}, sd: {p: 0, v: 0}}
+)yaml",
+                      VectorXd{{0.2, 1.0, 1.0, 0.3, 1.2, 0.5, 0.0}}, 0.05, 0.05, 1201};
+
 VectorXd values_of_all(const Model& model) {
   VectorXd out(as_formulas(model).equations.parameters);
   for (Index i = 0; i < out.size(); ++i) {
@@ -143,6 +165,21 @@ TEST(ChaoticMotion, LorenzIsFoundFromAStartFivePercentOff) { expect_found(kLoren
 
 TEST(ChaoticMotion, ADrivenPendulumIsFoundFromAStartFivePercentOff) {
   expect_found(kDrivenPendulum);
+}
+
+TEST(ChaoticMotion, AnOscillationIsFoundFromTheBeginningOfItsRecording) {
+  const Model model = parse_model_file(kTwoWells.text, "model.yaml");
+  const Dataset data = chaotic_recording(kTwoWells, model);
+  const std::vector<ShootingEnd> ends = shoot(model, {data}, {{model.parameters}});
+  EXPECT_TRUE(ends[0].by_parts);
+  NoiseMlOptions options;
+  options.starts = 1;
+  const NoiseEstimate found = tune_ml(model, {data}, options);
+  EXPECT_EQ(found.status, Status::ok) << found.message << found.objective.log_likelihood;
+  for (Index i = 0; i < kTwoWells.truth.size(); ++i) {
+    const EstimatedParameter& p = found.parameters[static_cast<std::size_t>(i)];
+    EXPECT_LT(std::abs(p.value - kTwoWells.truth[i]), 3.5 * p.se) << p.name;
+  }
 }
 
 const std::string kOneTank = R"yaml(identikal: 1
