@@ -44,15 +44,17 @@ struct ShootingEnd {
 bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& recordings);
 
 /// Looks for the least squares of a simulation, from several starts, on steps of integration that
-/// are as fine as a search needs (1e-4 of a state's range): from the best of every start's
-/// candidates by Levenberg-Marquardt. Where fewer than 80 % of the starts come to the same place, the
-/// others take the path of multiple shooting: the states of all samples are unknowns beside the
-/// parameters, and what the motion makes of one need not be the next. Where they are free enough to
-/// follow the outputs, errors do not pile up along the recording, and that problem is nearly quadratic
-/// (internal/trajectory_problem.h). The freedom is then taken from them step by step, from prediction
-/// to simulation, each from where the last has ended, until a simulation does as well.
-/// Where that is not enough either, from the first eighth, quarter and half of each recording: phases
-/// of an oscillation whose frequency is off run apart over a long one, not over its beginning.
+/// are as fine as a search needs (1e-4 of a state's range), by Levenberg-Marquardt: a few steps
+/// from the best eight of every start's candidates, and on from the lowest of these ends. Where
+/// fewer than 80 % of the starts come to the same place, the others take the path of multiple
+/// shooting: the states of all samples are unknowns beside the parameters, and what the motion
+/// makes of one need not be the next. Where they are free enough to follow the outputs, errors do
+/// not pile up along the recording, and that problem is nearly quadratic
+/// (internal/trajectory_problem.h). The freedom is then taken from them step by step, from
+/// prediction to simulation, each from where the last has ended, until a simulation does as well.
+/// Where that is not enough either, from the first eighth, quarter and half of each recording:
+/// phases of an oscillation whose frequency is off run apart over a long one, not over its
+/// beginning.
 /// Source: Bock (1983), "Recent advances in parameter identification techniques for O.D.E.";
 /// Voss, Timmer & Kurths (2004), "Nonlinear dynamical system identification from uncertain and
 /// indirect measurements".

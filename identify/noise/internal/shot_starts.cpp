@@ -13,7 +13,7 @@
 namespace identikal {
 namespace {
 
-constexpr int kCandidates = 30;      // of each start but the first
+constexpr int kCandidates = 30;       // of each start but the first
 constexpr double kFarBehind = 10.0;  // log-likelihood: from there no search comes to the best
 
 // The file's values; and of every other start, places scattered about them.

@@ -24,6 +24,8 @@ constexpr double kFinest =
     1e-3;  // of what an output scatters by: errors below do not count as less
 constexpr double kCoarse = 1e-3, kFine = 1e-4, kExact = 1e-9;  // integration, of a state's scale
 constexpr double kSettledLoss = 0.05;
+constexpr std::size_t kTried = 8;     // candidates that a short search is begun at
+constexpr int kTriedIterations = 12;  // of it
 constexpr double kSameErrors = 5e-3;  // relative: what integration may change
 constexpr double kSamePlace = 1e-3;   // relative
 
@@ -133,23 +135,35 @@ MatrixXd Attempt::choose_first_steps() {
 
 void Attempt::search_from_candidates() {
   choose_first_steps();
-  double least = kInfinity;
-  const VectorXd* best = nullptr;
+  std::vector<std::pair<double, const VectorXd*>> by_error;
   MatrixXd states;
   VectorXd squares, counts;
   for (const VectorXd& p : candidates_) {
     ++evaluations_;
     if (!problem_.simulate(p, states)) continue;
     problem_.output_errors(p, states, squares, counts);
-    const double here = relative(squares, counts);
-    if (here < least) least = here, best = &p;
+    by_error.emplace_back(relative(squares, counts), &p);
   }
-  problem_.output_sd = deviation_;
-  if (best != nullptr) take(search_simulation(*best, kCoarse), {});
+  std::stable_sort(by_error.begin(), by_error.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  if (by_error.size() > kTried) by_error.resize(kTried);
+  SimulatedEnd lowest;
+  for (const auto& [error, p] : by_error) {
+    problem_.output_sd = deviation_;
+    const int iterations = by_error.size() > 1 ? kTriedIterations : kSearchIterations;
+    SimulatedEnd end = search_simulation(*p, kCoarse, iterations);
+    if (end.loss < lowest.loss) lowest = std::move(end);
+  }
+  if (by_error.size() > 1 && std::isfinite(lowest.loss)) {
+    problem_.output_sd = deviation_;
+    lowest = search_simulation(lowest.p, kCoarse, kSearchIterations);
+  }
+  take(lowest, {});
 }
 
 // Least squares on the grid that its start needs.
-Attempt::SimulatedEnd Attempt::search_simulation(const VectorXd& start, double tolerance) {
+Attempt::SimulatedEnd Attempt::search_simulation(const VectorXd& start, double tolerance,
+                                                 int iterations) {
   SimulatedEnd out;
   MatrixXd states;
   if (!problem_.simulate(start, states)) return out;
@@ -157,7 +171,7 @@ Attempt::SimulatedEnd Attempt::search_simulation(const VectorXd& start, double t
   ChainedSolution at;
   at.states.resize(0, problem_.recordings());
   at.shared = start;
-  solve_and_count(problem_.simulation_problem(), at, kSearchIterations, kSearchSettled);
+  solve_and_count(problem_.simulation_problem(), at, iterations, kSearchSettled);
   if (at.summary.termination == Termination::start_undefined) return out;
   if (!problem_.simulate(at.shared, states)) return out;
   VectorXd squares, counts;
@@ -173,7 +187,7 @@ void Attempt::refine() {
   if (refined_) return;
   for (int grid = 0; grid < kGrids && std::isfinite(loss_); ++grid) {
     const double before = loss_;
-    const SimulatedEnd found = search_simulation(p_, kFine);
+    const SimulatedEnd found = search_simulation(p_, kFine, kSearchIterations);
     if (!std::isfinite(found.loss)) return;
     // On a finer grid the same place may be worth less.
     loss_ = kInfinity;
@@ -251,7 +265,7 @@ void Attempt::search_from_path() {
   if (path_.empty()) return;
   problem_.output_sd = deviation_;
   const double before = loss_;
-  const SimulatedEnd found = search_simulation(trajectory_.shared, tolerance_);
+  const SimulatedEnd found = search_simulation(trajectory_.shared, tolerance_, kSearchIterations);
   confirmed_ = std::abs(found.loss - before) < kSettledLoss;
   take(found, path_);
   if (loss_ < before) refined_ = tolerance_ == kExact;

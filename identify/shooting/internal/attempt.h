@@ -16,7 +16,8 @@ class Attempt {
   Attempt(const Model& model, const std::vector<Dataset>& recordings,
           const std::vector<ParameterSet>& candidates);
 
-  /// Least squares of the simulation, from the best candidate, on coarse steps of integration.
+  /// Least squares of the simulation on coarse steps of integration: a few steps from each of the best
+  /// candidates, and from the lowest end of these to the end.
   void search_from_candidates();
   /// From the lowest so far, on fine steps and with outputs weighted by their errors.
   void refine();
@@ -53,7 +54,7 @@ class Attempt {
     Eigen::MatrixXd root_information;
   };
   Eigen::MatrixXd choose_first_steps();
-  SimulatedEnd search_simulation(const Eigen::VectorXd& start, double tolerance);
+  SimulatedEnd search_simulation(const Eigen::VectorXd& start, double tolerance, int iterations);
   void take(const SimulatedEnd& found, std::vector<ShootingStage> stages);
   double loss_of(const Eigen::VectorXd& squares, const Eigen::VectorXd& counts) const;
   double relative(const Eigen::VectorXd& squares, const Eigen::VectorXd& counts) const;
