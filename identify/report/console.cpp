@@ -113,7 +113,6 @@ std::string excess_text(const ResultSections& result) {
   if (!excess.reason.empty()) {
     return wrapped("excess mean-square error not known: " + excess.reason, 7);
   }
-  if (std::isnan(excess.relative)) return "";
   const std::string percent = percent_text(100.0 * excess.relative);
   std::string out =
       result.bound != nullptr
@@ -146,9 +145,11 @@ std::string rank_text(const RankSelection& s) {
 std::string noise_text(const ResultSections& result) {
   if (result.noise == nullptr) return "";
   const Noise& noise = *result.noise;
-  const bool moves = !noise.Q.isZero(0.0) || noise.K_steady.size() > 0;  // else Q says nothing
+  // Where no noise moves the states there is no filter to lose anything.
+  const bool moves = !noise.Q.isZero(0.0) || noise.K_steady.size() > 0;
   return (moves ? matrix_text("Q", noise.Q) : "") + matrix_text("R", noise.R) +
-         matrix_text("S", noise.S) + matrix_text("K", noise.K_steady) + excess_text(result) +
+         matrix_text("S", noise.S) + matrix_text("K", noise.K_steady) +
+         (moves ? excess_text(result) : "") +
          (result.minimum_rank != nullptr ? rank_text(*result.minimum_rank) : "") +
          (noise.Q.size() > 0 ? "\n" : "");
 }

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <stdexcept>
 
 #include "identify/shooting/internal/attempt.h"
@@ -62,30 +62,35 @@ void follow_path(Attempt& attempt, const std::function<bool()>& go_on) {
   if (go_on()) attempt.search_from_path();
 }
 
+// From the candidates, and by the path where that does not follow about as closely as this.
+// @param error  Attempt::error()
+void search_closely(Attempt& attempt, double error, const std::function<bool()>& go_on) {
+  constexpr double kAsClosely = 1.3;
+  attempt.search_from_candidates();
+  if (!(attempt.error() < kAsClosely * error)) follow_path(attempt, go_on);
+}
+
 // Where growing parts of the recordings lead: from the candidates on the shortest, from there on the
-// next, and by the path where that does not follow as closely as before. Null where it leads nowhere.
+// next. Null where that is nowhere, or where the parts are too short.
 std::unique_ptr<Attempt> by_parts(const Model& model, const std::vector<Dataset>& recordings,
                                   const std::vector<ParameterSet>& candidates,
                                   const std::function<bool()>& go_on) {
-  constexpr double kAsClosely = 1.3;
   const Index unknowns = free_entries(candidates.front()).size();
   std::vector<ParameterSet> from = candidates;
   double error = 0.0;
-  std::unique_ptr<Attempt> out;
-  for (const double share : {0.125, 0.25, 0.5, 1.0}) {
-    const bool whole = share == 1.0;
-    const std::vector<Dataset> parts = whole ? recordings : beginnings(recordings, share, unknowns);
+  for (const double share : {0.125, 0.25, 0.5}) {
+    const std::vector<Dataset> parts = beginnings(recordings, share, unknowns);
     if (parts.empty()) continue;
-    if (!go_on()) return nullptr;
-    out = std::make_unique<Attempt>(model, whole ? recordings : parts, from);
-    out->search_from_candidates();
-    if (!(out->error() < kAsClosely * error)) follow_path(*out, go_on);
-    if (!std::isfinite(out->loss())) return nullptr;
-    if (whole) break;
-    out->refine();
-    error = out->error();
-    from = {out->end().parameters};
+    Attempt attempt(model, parts, from);
+    search_closely(attempt, error, go_on);
+    if (!go_on() || !std::isfinite(attempt.loss())) return nullptr;
+    attempt.refine();
+    error = attempt.error();
+    from = {attempt.end().parameters};
   }
+  if (error == 0.0) return nullptr;  // no part was long enough
+  auto out = std::make_unique<Attempt>(model, recordings, from);
+  search_closely(*out, error, go_on);
   return out;
 }
 

@@ -13,7 +13,7 @@
 namespace identikal {
 namespace {
 
-constexpr int kCandidates = 30;       // of each start but the first
+constexpr int kCandidates = 30;      // of each start but the first
 constexpr double kFarBehind = 10.0;  // log-likelihood: from there no search comes to the best
 
 // The file's values; and of every other start, places scattered about them.
@@ -50,7 +50,8 @@ double simulated_loss(const Model& model, const std::vector<Dataset>& recordings
     squares += measured.select(errors.square(), 0.0).rowwise().sum();
     counts += measured.cast<double>().rowwise().sum();
   }
-  const double out = (0.5 * counts * (squares / counts.max(1.0)).log()).sum();
+  const Eigen::ArrayXd mean = (counts > 0.0).select(squares / counts.max(1.0), 1.0);
+  const double out = (0.5 * counts * mean.log()).sum();
   return std::isnan(out) ? kInfinity : out;
 }
 
