@@ -502,7 +502,7 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     out.start_value = at_start;
   }
   // Whatever an earlier start found, the search was not finished.
-  if (searches.stopped()) {
+  if (searches.stopped() || (shot && shot->stopped)) {
     out.best.summary.termination = Termination::stopped;
     out.best.summary.message = "stopped by the caller";
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <string>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "identify/filter/recordings_likelihood.h"
@@ -180,6 +181,20 @@ TEST(ChaoticMotion, AnOscillationIsFoundFromTheBeginningOfItsRecording) {
     const EstimatedParameter& p = found.parameters[static_cast<std::size_t>(i)];
     EXPECT_LT(std::abs(p.value - kTwoWells.truth[i]), 3.5 * p.se) << p.name;
   }
+}
+
+// Told to stop while places are looked for, and not again: the searches from there go on.
+TEST(ChaoticMotion, AStopBeforeTheLastSearchIsSaid) {
+  const Model model = parse_model_file(kTwoWells.text, "model.yaml");
+  const Dataset data = chaotic_recording(kTwoWells, model);
+  constexpr int kStop = 8;
+  NoiseMlOptions options;
+  options.starts = 2;
+  int calls = 0;
+  options.progress = [&](int, int, double) { return ++calls != kStop; };
+  const NoiseEstimate found = tune_ml(model, {data}, options);
+  EXPECT_THAT(found.message, ::testing::AnyOf(::testing::HasSubstr("did not converge"),
+                                              ::testing::HasSubstr("stopped by the caller")));
 }
 
 const std::string kOneTank = R"yaml(identikal: 1
