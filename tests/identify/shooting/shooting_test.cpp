@@ -73,8 +73,8 @@ initial: {mean: {phi: p0, v: w0}, sd: {phi: 0, v: 0}}
 )yaml",
                             VectorXd{{1.0, 0.5, 1.15, 0.5, 0.2}}, 0.1, 0.02, 1200};
 
-// A driven oscillator with two wells, its frequencies unknown: ten per cent of the drive's are six
-// radians over the recording, and none over its beginning.
+// A driven oscillator with two wells, its frequencies unknown: eight per cent of the drive's are six
+// radians over the recording, and less than one over its beginning.
 const Chaos kTwoWells{R"yaml(identikal: 1
 name: two wells
 time: {kind: continuous, step: 0.05 s}
