@@ -308,7 +308,10 @@ def _stored_parameter(p):
     def number(value):
         return np.nan if value is None else value
     low, high = p["bounds"]
-    return (p["name"], number(p["value"]), number(p["se"]), tuple(map(number, p["ci95"] or (None, None))),
+    ends = list(p["ci95"] or (None, None))
+    if ends != [None, None]:  # where one end alone is not known there is none
+        ends = (-np.inf if ends[0] is None else ends[0], np.inf if ends[1] is None else ends[1])
+    return (p["name"], number(p["value"]), number(p["se"]), tuple(map(number, ends)),
             number(p["crb_se"]), p["unit"], p["verdict"], number(p["start"]), p["fixed"],
             (-np.inf if low is None else low, np.inf if high is None else high))
 

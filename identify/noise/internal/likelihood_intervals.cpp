@@ -305,8 +305,9 @@ bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at) {
   });
   for (std::size_t k = 0; k < all.size(); ++k) {
     EstimatedParameter& p = *all[k].reported;
-    p.ci95 = limits[k] ? std::array<double, 2>{0.0, *limits[k] / all[k].unit.scale}
-                       : std::array<double, 2>{kNone, kNone};
+    p.ci95 = limits[k] && std::isfinite(*limits[k])
+                 ? std::array<double, 2>{0.0, *limits[k] / all[k].unit.scale}
+                 : std::array<double, 2>{kNone, kNone};
   }
   return true;
 }

@@ -8,7 +8,9 @@ const kUndetermined = ["not_identifiable", "unexcited"];
 
 // A vehicle has many that are known to be nothing.
 const matters = (p) => known(p.value) && !(p.fixed && p.value === 0);
-const interval = ([low, high], decimals) => (known(low) ? `${to(low, decimals)} … ${to(high, decimals)}` : "–");
+// Where one end alone is not known there is none.
+const interval = ([low, high], decimals) => (known(low) || known(high)
+  ? `${known(low) ? to(low, decimals) : "−∞"} … ${known(high) ? to(high, decimals) : "∞"}` : "–");
 
 // The value on its 95 % interval, with the bound, the profile interval and, where it is near, the start.
 function uncertaintyBar({ name, value, ci95, profile95, crb_se, start }) {
