@@ -156,3 +156,20 @@ def test_findings_are_warnings(tuned, flow):
         result = ik.validate(tuned, flow)
     assert seen[0].filename == __file__
     assert result.findings[0].code == "own_data"
+
+
+def test_an_interval_without_an_end_stays_one():
+    x = np.arange(1.0, 13.0)
+    noise = np.array([0.5, -0.7, 0.2, 0.9, -0.4, -0.6, 0.8, -0.1, 0.3, -0.9, 0.6, 0.4])
+    model = ik.Model.from_text("""identikal: 1
+name: beginning of a curve
+model: static
+parameters: {height: {value: 10}, rate: {value: 0.1}, s: {value: 1, min: 0}}
+inputs: {x: {column: x}}
+outputs: {y: {column: y, equals: height*(1 - exp(-rate*x))}}
+noise: {measurement: {sd: {y: s}}}
+""")
+    fit = ik.fit(model, 20 * (1 - np.exp(-0.05 * x)) + noise, u=x)
+    low, high = fit.params["height"].interval
+    assert 5 < low < fit.params["height"].value and high == np.inf
+    assert pickle.loads(pickle.dumps(fit)).params["height"].interval == (low, high)
