@@ -63,6 +63,11 @@ std::string fingerprint_without(StoredJson file, const char* key) {
   return sha256_of_text(printed(file));
 }
 
+// A program of the same schema may have written less than this one reads.
+void bring_up_to_date(StoredJson& result) {
+  result["schema_version"] == 1 ? upgrade_result(result) : add_new_keys(result);
+}
+
 // Without columns a matrix is stored without rows too.
 void give_shapes(StateSpace& m) {
   if (m.B.size() == 0) m.B.resize(m.A.rows(), 0);
@@ -98,9 +103,9 @@ std::string report_data_fingerprint(const std::string& text) {
 
 std::string result_in_this_version(const std::string& text) {
   StoredJson file = StoredJson::parse(text);
-  if (file["schema_version"] != 1) return text;
-  upgrade_result(file);
-  return printed(file);
+  const StoredJson as_written = file;
+  bring_up_to_date(file);
+  return file == as_written ? text : printed(file);
 }
 
 std::string page_data_in_this_version(const std::string& text) {
@@ -127,7 +132,7 @@ StoredResult parse_stored_result(StoredResult result) {
     }
     result.command = fields["provenance"]["command"].text();
   }
-  if (file["schema_version"] == 1) upgrade_result(file);
+  bring_up_to_date(file);
   WholeFile held = file_to_read(result.estimate);
   read_estimate(JsonField(file, "", result.path), held, result.estimate);
   result.version = held.version;

@@ -50,5 +50,35 @@ class TestResultsOfVersion1(unittest.TestCase):
         self.assertIn("Cf", run("validate", self.old / "lane_change", LANE_CHANGE[1]).stdout)
 
 
+class TestResultsOfEarlierPrograms(unittest.TestCase):
+    """A program of the same schema that wrote less: what it did not say is nothing known, no reason to refuse its results."""
+
+    LATER = {"": ("handling", "forecast", "black_box", "driven", "references"),
+             "objective": ("diffuse_samples", "leading", "bic_values", "rows", "integration_step"),
+             "parameters": ("se_structure", "prior"), "tests": ("share",), "warnings": ("changes",)}
+
+    def without_later_keys(self, stored):
+        document = json.loads(stored.read_text())
+        for place, keys in self.LATER.items():
+            at = document[place] if place else document
+            for one in at if isinstance(at, list) else [at]:
+                for key in keys:
+                    one.pop(key, None)
+        return json.dumps(document)
+
+    def test_are_read(self):
+        with Folder() as folder:
+            for job, data in ((("tune", *NILE), NILE[1]), (("fit", *LANE_CHANGE), LANE_CHANGE[1])):
+                now = folder.path / job[0]
+                run(*job, "-o", now, code=0)
+                before = folder.path / f"{job[0]}_before"
+                before.mkdir()
+                (before / "result.json").write_text(self.without_later_keys(now / "result.json"))
+                exported = [json.loads(run("export", one, "--to", "json", code=0).stdout) for one in (before, now)]
+                self.assertEqual(exported[0].get("parameters"), exported[1].get("parameters"))
+                validated = [json.loads(run("validate", one, data, "--json").stdout) for one in (before, now)]
+                self.assertEqual(validated[0]["tests"], validated[1]["tests"])
+
+
 if __name__ == "__main__":
     unittest.main(verbosity=2)

@@ -91,35 +91,6 @@ void rename_keys(Json& file, const RenamedKey (&keys)[n]) {
   }
 }
 
-// What earlier versions did not say.
-void add_new_keys(Json& result) {
-  const auto add = [&](std::string_view place, const char* key, const Json& value) {
-    for_each_object(result, place, [&](Json& object) {
-      if (!object.contains(key)) object[key] = value;
-    });
-  };
-  add("", "handling", nullptr);
-  add("", "forecast", nullptr);
-  add("", "black_box", nullptr);
-  for (const char* key : {"polynomials", "step_responses", "frequency_responses"})
-    add("black_box", key, Json::array());
-  for (const char* key : {"frequency_se", "damping_se", "time_constant_se"})
-    add("black_box/poles/*", key, nullptr);
-  add("black_box/impulse_responses/*", "kernel", "TC");
-  add("objective", "diffuse_samples", 0);
-  add("objective", "leading", Json::array());
-  add("objective", "bic_values", nullptr);
-  add("objective", "rows", 0);
-  add("objective", "integration_step", nullptr);
-  add("tests/*", "share", nullptr);
-  add("parameters/*", "se_structure", nullptr);
-  add("", "driven", Json::array());
-  add("", "references", Json::array());
-  add("parameters/*", "prior", "");
-  add("warnings/*", "changes", Json::array());
-  add("survey/findings/*", "changes", Json::array());
-}
-
 // What a schema says itself, or a definition that it refers to, perhaps as one of two.
 Json& referred_to(Json& schema, Json& root) {
   if (schema.contains("anyOf")) return referred_to(schema["anyOf"][0], root);
@@ -160,6 +131,34 @@ void add_old_keys(Json& result) {
       object[std::string(key->before)] = std::move(value);
     });
   }
+}
+
+void add_new_keys(Json& result) {
+  const auto add = [&](std::string_view place, const char* key, const Json& value) {
+    for_each_object(result, place, [&](Json& object) {
+      if (!object.contains(key)) object[key] = value;
+    });
+  };
+  add("", "handling", nullptr);
+  add("", "forecast", nullptr);
+  add("", "black_box", nullptr);
+  for (const char* key : {"polynomials", "step_responses", "frequency_responses"})
+    add("black_box", key, Json::array());
+  for (const char* key : {"frequency_se", "damping_se", "time_constant_se"})
+    add("black_box/poles/*", key, nullptr);
+  add("black_box/impulse_responses/*", "kernel", "TC");
+  add("objective", "diffuse_samples", 0);
+  add("objective", "leading", Json::array());
+  add("objective", "bic_values", nullptr);
+  add("objective", "rows", 0);
+  add("objective", "integration_step", nullptr);
+  add("tests/*", "share", nullptr);
+  add("parameters/*", "se_structure", nullptr);
+  add("", "driven", Json::array());
+  add("", "references", Json::array());
+  add("parameters/*", "prior", "");
+  add("warnings/*", "changes", Json::array());
+  add("survey/findings/*", "changes", Json::array());
 }
 
 void upgrade_result(Json& result) {

@@ -1,5 +1,5 @@
-// How does a result of schema version 1 read in version 2? Which keys and values were renamed;
-// docs/file-formats.md has the same table for people.
+// How does a result of schema version 1, or of an earlier program, read now? Which keys and values
+// were renamed; docs/file-formats.md has the same table for people.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -10,7 +10,10 @@ namespace identikal {
 /// keys beside them. What is not as a result should be stays as it is.
 void upgrade_result(nlohmann::ordered_json& result);
 
-/// The same for what the page of a result draws; no old keys are kept there.
+/// Gives a result the keys that its program did not write yet, with values that say nothing.
+void add_new_keys(nlohmann::ordered_json& result);
+
+/// The same as upgrade_result() for what the page of a result draws; no old keys are kept there.
 void upgrade_page_data(nlohmann::ordered_json& data);
 
 /// Puts the keys of version 1 beside those that replace them, with the same values: programs
