@@ -10,8 +10,11 @@ case "${1-}" in
   *) echo "test.sh: unknown option '$1'; expected nothing or --slow" >&2; exit 2 ;;
 esac
 ./prepare.sh $(cat packages.txt) libgtest-dev libgmock-dev libbenchmark-dev clang clang-format libclang-rt-dev lld \
-  python3 python3-jsonschema python3-numpy python3-dev pybind11-dev python3-pytest python3-pandas python3-matplotlib \
-  python3-setuptools python3-wheel python3-pip chromium chromium-driver pkg-config
+  python3 python3-numpy python3-dev pybind11-dev pkg-config
+# What tests alone take comes while the compiler works.
+./prepare.sh python3-jsonschema python3-pytest python3-pandas python3-matplotlib python3-setuptools python3-wheel python3-pip \
+  chromium chromium-driver &
+of_tests=$!
 
 find lib solvers identify studies jobs fleet interface command python tests examples \( -name '*.h' -o -name '*.cpp' \) -print0 |
   xargs -0 clang-format --dry-run --Werror
@@ -30,6 +33,7 @@ build "Building" cmake --build build -j "$(nproc)"
 [ "$slow" = yes ] && build "Building the benches" cmake --build build -j "$(nproc)" --target benches
 labels=(-LE slow)
 [ "$slow" = yes ] && labels=()
+wait "$of_tests"
 ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
 
 # Programs of half a gigabyte each take the usual linker as long as compiling them.
