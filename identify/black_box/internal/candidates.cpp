@@ -82,8 +82,11 @@ Index suitable_lags(const ScaledRecordings& recordings, int most_order) {
   lags = std::min(lags, rows / (2 * (q + 1)));
   while (lags > 2 && windows_of(recordings, lags) < 2 * q * (lags + 1)) --lags;
   if (lags < 2) {
-    throw InputError({}, fmt::format("{} rows are too few for {} channels", rows, q),
-                     fmt::format("at least {} rows", 4 * (q + 1)));
+    throw InputError(
+        {},
+        fmt::format("{} rows, without those that are held out, are too few for {} channel{}", rows,
+                    q, q == 1 ? "" : "s"),
+        fmt::format("at least {} of them", 4 * (q + 1)), "record more, or hold out fewer");
   }
   return lags;
 }

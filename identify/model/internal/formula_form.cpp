@@ -34,7 +34,9 @@ struct Symbols {
   void add(const YamlNode& name, const std::string& what, const std::string& unit) {
     check_name(name, what);
     if (name.text == "t") {
-      throw InputError(name.at, fmt::format("{} is 't', the time", what), "another name");
+      throw InputError(
+          name.at, fmt::format("{} is 't', the time", what), "another name",
+          "formulas may use t; a column that holds it is named by time: {column: ...}");
     }
     const auto known = std::find(names.begin(), names.end(), name.text);
     if (known != names.end()) {

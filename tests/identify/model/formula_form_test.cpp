@@ -202,7 +202,9 @@ constexpr FormulaMistake kMistakes[] = {
     {"J: m*l^2", "J: m*J", "13:8: 'J' is defined by itself; expected names defined before it"},
     {"J: m*l^2", "J: m*l^2\n  b: l^2", "14:3: definition 'b' is not used anywhere"},
     {"m: 0.5 kg", "sin: 0.5 kg", "7:3: a parameter name is 'sin', a word of formulas"},
-    {"m: 0.5 kg", "t: 0.5 kg", "7:3: a parameter is 't', the time; expected another name"},
+    {"m: 0.5 kg", "t: 0.5 kg",
+     "7:3: a parameter is 't', the time; expected another name; formulas may use t; a column that "
+     "holds it is named by time: {column: ...}"},
     {"w: rad/s}", "w: rad/x}", "10:23: state 'w' has the unknown unit 'rad/x'"},
     {"equals: phi", "equals: w",
      "17:53: the formula is a rate (1/s); expected a number (no dimension)"},
