@@ -1,6 +1,7 @@
 #include "solvers/curvature_correction.h"
 
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Cholesky>
 
@@ -23,23 +24,25 @@ void CurvatureCorrection::scale(const VectorXd& ratio) {
 
 std::optional<MatrixXd> CurvatureCorrection::apply(const MatrixXd& information,
                                                    const std::vector<Index>& free) const {
-  const MatrixXd corrected = information + E_;
-  const auto m = static_cast<Index>(free.size());
-  MatrixXd J(m, m), B(m, m);
   // Not the root of a product: with noise of 1e84 that is zero.
   const VectorXd root = information.diagonal().cwiseMax(0.0).cwiseSqrt();
+  MatrixXd corrected = information + E_;
+  const auto m = static_cast<Index>(free.size());
+  MatrixXd above(m, m), below(m, m);
   for (Index i = 0; i < m; ++i) {
     for (Index j = 0; j < m; ++j) {
       const Index ii = free[i], jj = free[j];
       const double scale = root[ii] * root[jj];
       if (!(scale > 0.0)) return std::nullopt;
-      J(i, j) = information(ii, jj) / scale;
-      B(i, j) = corrected(ii, jj) / scale;
+      const double before = information(ii, jj) / scale, now = corrected(ii, jj) / scale;
+      above(i, j) = now - 0.1 * before;
+      below(i, j) = 1000.0 * before - now;
     }
   }
-  const Eigen::LLT<MatrixXd> above(B - 0.1 * J), below(1000.0 * J - B);
-  const bool trusted = above.info() == Eigen::Success && below.info() == Eigen::Success;
-  return trusted ? std::optional<MatrixXd>(corrected) : std::nullopt;
+  using InPlace = Eigen::LLT<Eigen::Ref<MatrixXd>>;
+  const bool trusted =
+      InPlace(above).info() == Eigen::Success && InPlace(below).info() == Eigen::Success;
+  return trusted ? std::optional<MatrixXd>(std::move(corrected)) : std::nullopt;
 }
 
 }  // namespace identikal

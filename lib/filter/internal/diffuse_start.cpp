@@ -21,6 +21,7 @@ constexpr double kWellDetermined = 1e-6;
 }  // namespace
 
 double determined_share(const MatrixXd& information, const VectorXd& scale) {
+  if (scale.size() == 1) return scale[0] * information(0, 0);
   const auto sd = scale.cwiseSqrt().asDiagonal();
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(sd * information * sd,
                                                       Eigen::EigenvaluesOnly);
@@ -36,7 +37,7 @@ VectorXd proper_scale(const StateSpace& model) {
   for (Index t = 0; t < model.states(); ++t) {
     seen += response.colwise().squaredNorm().transpose() / outputs;
     power += (response * W).cwiseProduct(response).sum() / outputs;
-    response = (response * model.A).eval();
+    if (t + 1 < model.states()) response = (response * model.A).eval();
   }
   return seen.unaryExpr([power](double gain) {
     const double scale = power / gain;
@@ -67,11 +68,20 @@ std::optional<ProperStart> proper_start(const StateSpace& model, InitialState in
   return out;
 }
 
-DiffuseStart::DiffuseStart(VectorXd scale_of_states, std::size_t parameters)
-    : scale(std::move(scale_of_states)),
-      information(MatrixXd::Zero(states(), states())),
-      score(VectorXd::Zero(states())),
-      by(parameters, {information, score}) {}
+DiffuseStart::DiffuseStart(const VectorXd& scale_of_states, std::size_t parameters) {
+  begin(scale_of_states, parameters);
+}
+
+void DiffuseStart::begin(const VectorXd& scale_of_states, std::size_t parameters) {
+  scale = scale_of_states;
+  const auto clear = [d = states()](MatrixXd& of_information, VectorXd& of_score) {
+    of_information.setZero(d, d);
+    of_score.setZero(d);
+  };
+  clear(information, score);
+  by.resize(parameters);
+  for (Derivative& each : by) clear(each.information, each.score);
+}
 
 void DiffuseStart::add(const MatrixXd& E, const MatrixXd& SiE) {
   const Index d = states();
@@ -106,22 +116,33 @@ bool DiffuseStart::fold_in(MatrixXd& P, MatrixXd& Z, std::vector<Sensitivity>& s
   const Eigen::LLT<MatrixXd> llt(information);
   if (llt.info() != Eigen::Success) return false;
   const VectorXd delta = -llt.solve(score);
-  const MatrixXd inverse = llt.solve(MatrixXd::Identity(d, d));
+  MatrixXd inverse = MatrixXd::Identity(d, d);
+  llt.solveInPlace(inverse);
   out.value += -llt.matrixLLT().diagonal().array().log().sum() - 0.5 * score.dot(delta);
-  const MatrixXd X = Z.rightCols(d);
+  const auto X = Z.rightCols(d);
+  const MatrixXd XI = X * inverse;
+  MatrixXd half, moved;
+  VectorXd turned, ddelta;
   for (std::size_t i = 0; i < sensitivities.size(); ++i) {
     Sensitivity& s = sensitivities[i];
     const Derivative& of = by[i];
+    turned.noalias() = of.information * delta;
     out.gradient[i] += -0.5 * inverse.cwiseProduct(of.information).sum() - of.score.dot(delta) -
-                       0.5 * delta.dot(of.information * delta);
-    const VectorXd ddelta = -llt.solve(of.score + of.information * delta);
-    const MatrixXd dX = s.Z.rightCols(d), XI = X * inverse;
-    const MatrixXd half = dX * XI.transpose();
-    s.P += half + half.transpose() - XI * of.information * XI.transpose();
-    s.Z = (s.Z.col(0) + dX * delta + X * ddelta).eval();
+                       0.5 * delta.dot(turned);
+    ddelta = -(of.score + turned);
+    llt.solveInPlace(ddelta);
+    const auto dX = s.Z.rightCols(d);
+    half.noalias() = dX * XI.transpose();
+    moved.noalias() = XI * of.information;
+    s.P += half + half.transpose();
+    s.P.noalias() -= moved * XI.transpose();
+    s.Z.col(0).noalias() += dX * delta;
+    s.Z.col(0).noalias() += X * ddelta;
+    s.Z.conservativeResize(Eigen::NoChange, 1);
   }
-  P += X * inverse * X.transpose();
-  Z = (Z.col(0) + X * delta).eval();
+  P.noalias() += XI * X.transpose();
+  Z.col(0).noalias() += X * delta;
+  Z.conservativeResize(Eigen::NoChange, 1);
   return true;
 }
 

@@ -50,7 +50,11 @@ struct DiffuseStart {
   };
   std::vector<Derivative> by;
 
-  DiffuseStart(Eigen::VectorXd scale_of_states, std::size_t parameters);
+  DiffuseStart() = default;
+  DiffuseStart(const Eigen::VectorXd& scale_of_states, std::size_t parameters);
+  /// Nothing is known yet. What an earlier start of these sizes took of memory serves again: of a
+  /// short recording that is a tenth of the time.
+  void begin(const Eigen::VectorXd& scale_of_states, std::size_t parameters);
 
   Eigen::Index states() const { return scale.size(); }
   /// A sample with innovations and responses E = [e, X_e], ny x (1 + d), and Sigma^-1 E.

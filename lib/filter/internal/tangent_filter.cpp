@@ -43,19 +43,34 @@ std::size_t TangentFilter::place(Index elements, Index element, std::size_t l) c
          l % lanes_;
 }
 
-MatrixXd TangentFilter::square(const double* of, Index size, std::size_t l) const {
-  MatrixXd out(size, size);
+void TangentFilter::take_square(const double* of, Index size, std::size_t l, MatrixXd& out) const {
+  out.resize(size, size);
   for (Index i = 0; i < size; ++i) {
     for (Index j = 0; j < size; ++j) out(i, j) = of[place(size * size, i * size + j, l)];
   }
+}
+
+void TangentFilter::take_vector(const double* of, Index size, std::size_t l, VectorXd& out) const {
+  out.resize(size);
+  for (Index i = 0; i < size; ++i) out[i] = of[place(size, i, l)];
+}
+
+// Of a state and its responses, column by column.
+void TangentFilter::take_columns(const double* of, Index columns, std::size_t l,
+                                 MatrixXd& out) const {
+  out.resize(n_, columns);
+  for (Index i = 0; i < out.size(); ++i) out.data()[i] = of[place(out.size(), i, l)];
+}
+
+MatrixXd TangentFilter::matrix(const double* of, std::size_t l) const {
+  MatrixXd out;
+  take_square(of, n_, l, out);
   return out;
 }
 
-MatrixXd TangentFilter::matrix(const double* of, std::size_t l) const { return square(of, n_, l); }
-
 VectorXd TangentFilter::vector(const double* of, Index size, std::size_t l) const {
-  VectorXd out(size);
-  for (Index i = 0; i < size; ++i) out[i] = of[place(size, i, l)];
+  VectorXd out;
+  take_vector(of, size, l, out);
   return out;
 }
 
@@ -141,12 +156,15 @@ void TangentFilter::fill_common() {
   dynamics_ = false;
   for (std::size_t i = 0; i < by.size(); ++i) {
     const StateSpace& d = by[i];
-    MatrixXd W = m.G * d.Q * m.G.transpose();
-    if (!d.G.isZero(0.0)) {
-      const MatrixXd half = d.G * GQ.transpose();
-      W += half + half.transpose();
+    const bool moves_G = !d.G.isZero(0.0);
+    if (moves_G || !d.Q.isZero(0.0)) {
+      MatrixXd W = m.G * d.Q * m.G.transpose();
+      if (moves_G) {
+        const MatrixXd half = d.G * GQ.transpose();
+        W += half + half.transpose();
+      }
+      fill(W_, 1 + i, W);
     }
-    fill(W_, 1 + i, W);
     fill(B_, 1 + i, d.B);
     Sw_[1 + i] = d.G * m.S + m.G * d.S;
     crossed_ = crossed_ || !Sw_[1 + i].isZero(0.0);
@@ -175,7 +193,8 @@ simd::TangentModel TangentFilter::common_model() const {
 
 void TangentFilter::fill_pattern(Pattern& p, const std::vector<int>& channels) const {
   const StateSpace& m = *model_;
-  const MatrixXd C = rows_of(m.C, channels);
+  const bool all = static_cast<Index>(channels.size()) == ny_;
+  const MatrixXd C = all ? m.C : rows_of(m.C, channels);
   p.C_row.assign(1, 0);
   p.C_column.clear();
   p.C.clear();
@@ -190,9 +209,9 @@ void TangentFilter::fill_pattern(Pattern& p, const std::vector<int>& channels) c
   const std::vector<StateSpace>& by = *derivatives_;
   for (std::size_t l = 0; l <= by.size(); ++l) {
     const StateSpace& of = l == 0 ? m : by[l - 1];
-    fill(p.R, l, columns_of(rows_of(of.R, channels), channels));
-    fill(p.S, l, columns_of(Sw_[l], channels));
-    fill(p.D, l, rows_of(of.D, channels));
+    fill(p.R, l, all ? of.R : columns_of(rows_of(of.R, channels), channels));
+    fill(p.S, l, all ? Sw_[l] : columns_of(Sw_[l], channels));
+    fill(p.D, l, all ? of.D : rows_of(of.D, channels));
   }
   if (dynamics_) p.C_theta = moved_entries(by, &StateSpace::C, channels, lanes_);
   simd::TangentModel& to = p.model;
@@ -314,6 +333,7 @@ FilterStatus TangentFilter::start_diffuse(InitialState initial) {
   const std::optional<ProperStart> start = proper_start(*model_, initial);
   if (!start) return FilterStatus::unstable;
   scale_ = start->scale;
+  start_.begin(scale_, derivatives_->size());
   reserve();
   diffuse_ = scale_.size() > 0;
   set_matrix(run_.P, 0, start->P);
@@ -546,10 +566,9 @@ FilterStatus TangentFilter::run_diffuse(const Pattern& p, const TangentRecording
     }
     const bool last = t == recording.y.cols();
     if (samples_ < scale_.size()) continue;
-    DiffuseStart start(scale_, derivatives_->size());
-    start.information = square(run_.delta_information, scale_.size(), 0);
-    if (!start.is_determined(last)) continue;
-    if (!fold_in(start, out)) {
+    take_square(run_.delta_information, scale_.size(), 0, start_.information);
+    if (!start_.is_determined(last)) continue;
+    if (!fold_in(out)) {
       if (last) return FilterStatus::undetermined;
       continue;
     }
@@ -558,28 +577,27 @@ FilterStatus TangentFilter::run_diffuse(const Pattern& p, const TangentRecording
   return FilterStatus::ok;
 }
 
-bool TangentFilter::fold_in(DiffuseStart& start, Likelihood& out) {
+bool TangentFilter::fold_in(Likelihood& out) {
   const Index d = scale_.size(), columns = 1 + d;
-  const auto all_columns = [&](std::size_t l) {
-    return MatrixXd(vector(run_.x, columns * n_, l).reshaped(n_, columns));
-  };
   const std::size_t k = derivatives_->size();
-  start.score = vector(run_.delta_score, d, 0);
-  std::vector<Sensitivity> sensitivities(k);
+  take_vector(run_.delta_score, d, 0, start_.score);
+  take_square(run_.P, n_, 0, P_);
+  take_columns(run_.x, columns, 0, Z_);
+  sensitivities_.resize(k);
   for (std::size_t i = 0; i < k; ++i) {
-    start.by[i] = {square(run_.delta_information, d, 1 + i), vector(run_.delta_score, d, 1 + i)};
-    sensitivities[i].P = matrix(run_.P, 1 + i);
-    sensitivities[i].Z = all_columns(1 + i);
+    take_square(run_.delta_information, d, 1 + i, start_.by[i].information);
+    take_vector(run_.delta_score, d, 1 + i, start_.by[i].score);
+    take_square(run_.P, n_, 1 + i, sensitivities_[i].P);
+    take_columns(run_.x, columns, 1 + i, sensitivities_[i].Z);
   }
-  MatrixXd P = matrix(run_.P, 0), Z = all_columns(0);
-  if (!start.fold_in(P, Z, sensitivities, out)) return false;
+  if (!start_.fold_in(P_, Z_, sensitivities_, out)) return false;
   run_.columns = 1;
   run_.informed = true;
-  set_matrix(run_.P, 0, P);
-  set_vector(run_.x, 0, Z.col(0));
+  set_matrix(run_.P, 0, P_);
+  set_vector(run_.x, 0, Z_.col(0));
   for (std::size_t i = 0; i < k; ++i) {
-    set_matrix(run_.P, 1 + i, sensitivities[i].P);
-    set_vector(run_.x, 1 + i, sensitivities[i].Z.col(0));
+    set_matrix(run_.P, 1 + i, sensitivities_[i].P);
+    set_vector(run_.x, 1 + i, sensitivities_[i].Z.col(0));
   }
   folded_ = d;
   diffuse_ = false;

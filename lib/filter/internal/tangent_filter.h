@@ -127,12 +127,15 @@ class TangentFilter {
   void leave_sample(const Pattern& p, const TangentRecording& recording, Eigen::Index t,
                     Likelihood& out);
   void find_innovation_sd();
-  bool fold_in(DiffuseStart& start, Likelihood& out);
+  bool fold_in(Likelihood& out);
   bool run_by_kernel(const Segment& segment, SegmentKernel& kernel, Likelihood& out);
   void add_sums(Likelihood& out) const;
 
   std::size_t place(Eigen::Index elements, Eigen::Index element, std::size_t l) const;
-  Eigen::MatrixXd square(const double* of, Eigen::Index size, std::size_t l) const;
+  void take_square(const double* of, Eigen::Index size, std::size_t l, Eigen::MatrixXd& out) const;
+  void take_vector(const double* of, Eigen::Index size, std::size_t l, Eigen::VectorXd& out) const;
+  void take_columns(const double* of, Eigen::Index columns, std::size_t l,
+                    Eigen::MatrixXd& out) const;
   Eigen::MatrixXd matrix(const double* of, std::size_t l) const;  ///< n x n
   Eigen::VectorXd vector(const double* of, Eigen::Index size, std::size_t l) const;
   void set_matrix(double* of, std::size_t l, const Eigen::MatrixXd& value) const;
@@ -154,7 +157,11 @@ class TangentFilter {
   std::vector<Pattern> patterns_;
   Lanes memory_;
   simd::TangentRun run_;
-  Eigen::VectorXd scale_;   // of the diffuse states of the start
+  Eigen::VectorXd scale_;  // of the diffuse states of the start
+  DiffuseStart start_;
+  // As a diffuse start ends; their memory serves again.
+  Eigen::MatrixXd P_, Z_;
+  std::vector<Sensitivity> sensitivities_;
   Eigen::VectorXd scored_;  // the gradient up to the last sample
   Eigen::VectorXd e_sd_;    // of every channel, measured or not, at the last sample
   bool diffuse_ = false, rejected_ = false, late_ = false;
