@@ -1,6 +1,7 @@
 #include "identify/estimate/parameter_table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "lib/data/units.h"
@@ -37,16 +38,30 @@ void list_known_parameters(Estimate& estimate, const ParameterSet& parameters) {
   for (EstimatedParameter& p : estimate.parameters) p.fixed = true;
 }
 
+const EstimatedParameter* reported(const Estimate& estimate, std::string_view name) {
+  for (const EstimatedParameter& p : estimate.parameters) {
+    if (p.name == name) return &p;
+  }
+  return nullptr;
+}
+
+double correlation_of(const Estimate& estimate, std::string_view a, std::string_view b) {
+  const auto& names = estimate.correlation_names;
+  const auto i = std::find(names.begin(), names.end(), a),
+             j = std::find(names.begin(), names.end(), b);
+  if (a == b) return 1.0;
+  if (i == names.end() || j == names.end()) return 0.0;
+  const double r = estimate.correlation(i - names.begin(), j - names.begin());
+  return std::isfinite(r) ? r : 0.0;
+}
+
 ParameterSet parameters_of(const Estimate& estimate, const ParameterSet& parameters) {
   const ReportedEntries all = reported_entries(parameters);
   Eigen::VectorXd entries = free_entries(parameters);
   Index free = 0;
   for (std::size_t e = 0; e < all.names.size(); ++e) {
     if (parameters[static_cast<std::size_t>(all.parameter[e])].fixed) continue;
-    const auto found =
-        std::find_if(estimate.parameters.begin(), estimate.parameters.end(),
-                     [&](const EstimatedParameter& p) { return p.name == all.names[e]; });
-    if (found != estimate.parameters.end()) {
+    if (const EstimatedParameter* found = reported(estimate, all.names[e])) {
       entries[free] = unit_or_dimensionless(found->unit).to_si(found->value);
     }
     ++free;

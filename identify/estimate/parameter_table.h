@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "identify/estimate/estimate.h"
 #include "lib/model/parameter.h"
@@ -16,6 +17,12 @@ void list_parameters(Estimate& estimate, const ParameterSet& start, const Parame
 
 /// The same of values that are known, as far as this result goes.
 void list_known_parameters(Estimate& estimate, const ParameterSet& parameters);
+
+/// The parameter that a result calls so, nullptr where there is none.
+const EstimatedParameter* reported(const Estimate& estimate, std::string_view name);
+
+/// Correlation of two estimates; 0 where one of them has none.
+double correlation_of(const Estimate& estimate, std::string_view a, std::string_view b);
 
 /// The parameters with the values that a result holds.
 ///

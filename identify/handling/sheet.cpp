@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "identify/estimate/parameter_table.h"
 #include "identify/handling/internal/sections.h"
 #include "identify/vehicle/checks.h"
 #include "identify/vehicle/unknowns.h"
@@ -19,23 +20,6 @@ namespace {
 using Eigen::Index;
 
 constexpr double kUsualSpeed = 80.0 / 3.6;  // ISO 7401
-
-const EstimatedParameter* reported(const Estimate& result, VehicleParameter parameter) {
-  for (const EstimatedParameter& p : result.parameters) {
-    if (p.name == name_of(parameter)) return &p;
-  }
-  return nullptr;
-}
-
-double correlation_of(const Estimate& result, const std::string& a, const std::string& b) {
-  const auto& names = result.correlation_names;
-  const auto i = std::find(names.begin(), names.end(), a),
-             j = std::find(names.begin(), names.end(), b);
-  if (a == b) return 1.0;
-  if (i == names.end() || j == names.end()) return 0.0;
-  const double r = result.correlation(i - names.begin(), j - names.begin());
-  return std::isfinite(r) ? r : 0.0;
-}
 
 /// A standard error in SI, of what the mathematics has in place of the user's parameter.
 double si_error(const EstimatedParameter& p, VehicleParameter parameter, double value) {
@@ -159,7 +143,7 @@ KnownVehicle known_vehicle(const Model& model, const StoredEstimate& result) {
   std::vector<double> se;
   for (int i = 0; i < kVehicleParameters; ++i) {
     const auto parameter = static_cast<VehicleParameter>(i);
-    const EstimatedParameter* p = reported(result, parameter);
+    const EstimatedParameter* p = reported(result, name_of(parameter));
     if (p == nullptr || p->fixed) continue;
     if (std::isfinite(p->se) && p->se > 0.0) {
       out.uncertain.push_back(parameter);
@@ -174,9 +158,9 @@ KnownVehicle known_vehicle(const Model& model, const StoredEstimate& result) {
   out.covariance.resize(k, k);
   for (Index i = 0; i < k; ++i) {
     for (Index j = 0; j < k; ++j) {
-      out.covariance(i, j) = se[i] * se[j] *
-                             correlation_of(result, std::string(name_of(out.uncertain[i])),
-                                            std::string(name_of(out.uncertain[j])));
+      out.covariance(i, j) =
+          se[i] * se[j] *
+          correlation_of(result, name_of(out.uncertain[i]), name_of(out.uncertain[j]));
     }
   }
   return out;

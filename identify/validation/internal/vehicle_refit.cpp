@@ -8,6 +8,7 @@
 #include <Eigen/QR>
 
 #include "identify/estimate/distribution.h"
+#include "identify/estimate/parameter_table.h"
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/output_error.h"
 #include "identify/vehicle/series.h"
@@ -23,13 +24,6 @@ using Eigen::VectorXd;
 
 constexpr double kFound = 2.8;  // standard errors: 1.96 + 0.84
 
-const EstimatedParameter* reported(const Estimate& result, VehicleParameter parameter) {
-  for (const EstimatedParameter& p : result.parameters) {
-    if (p.name == name_of(parameter)) return &p;
-  }
-  return nullptr;
-}
-
 /// Of the car, wherever it is driven and whatever it is measured with.
 bool of_the_car(VehicleParameter parameter) {
   return must_be_positive(parameter) || parameter == kSteeringGain;
@@ -42,20 +36,10 @@ VehicleUnknowns estimated_unknowns(const Estimate& result, const Model& model) {
   out.value = written.value;
   out.curve = written.curve;
   for (const VehicleParameter parameter : written.free) {
-    const EstimatedParameter* p = reported(result, parameter);
+    const EstimatedParameter* p = reported(result, name_of(parameter));
     if (p != nullptr && std::isfinite(p->se) && p->se > 0.0) set_free(out, parameter);
   }
   return out;
-}
-
-double correlation_of(const Estimate& result, const std::string& a, const std::string& b) {
-  const auto& names = result.correlation_names;
-  const auto i = std::find(names.begin(), names.end(), a),
-             j = std::find(names.begin(), names.end(), b);
-  if (a == b) return 1.0;
-  if (i == names.end() || j == names.end()) return 0.0;
-  const double r = result.correlation(i - names.begin(), j - names.begin());
-  return std::isfinite(r) ? r : 0.0;
 }
 
 /// Orthonormal basis of what is orthogonal to the columns of A, as columns.
@@ -95,7 +79,7 @@ Changes changes_of_the_car(const Estimate& result, const VehicleUnknowns& unknow
     out.d[i] = now.value / then.value - 1.0;
     slope[i] = now.slope / then.value;
     out.flat.row(i) = here.null_space.row(judged[i]) * unknowns.scale[at] * slope[i];
-    const EstimatedParameter& of_result = *reported(result, parameter);
+    const EstimatedParameter& of_result = *reported(result, name_of(parameter));
     own[i] = of_result.se / of_result.value;
     const Unit unit = unit_or_dimensionless(of_result.unit);
     VehicleRefit::Change change;
