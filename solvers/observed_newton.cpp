@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <stdexcept>
 #include <vector>
 
 #include <Eigen/Eigenvalues>
+
+#include "solvers/internal/likelihood_start.h"
 
 namespace identikal {
 namespace {
@@ -130,13 +131,7 @@ class Curvature {
 Solution maximise_by_curvature(const LikelihoodProblem& problem, const VectorXd& start,
                                const SolverOptions& options) {
   constexpr double kLongest = 2.0, kShortest = 1e-8;  // standard deviations
-  if (problem.lower.size() != start.size() || problem.upper.size() != start.size()) {
-    throw std::invalid_argument("maximise_by_curvature: start and bounds differ in size");
-  }
-  if ((start.array() < problem.lower.array()).any() ||
-      (start.array() > problem.upper.array()).any()) {
-    throw std::invalid_argument("maximise_by_curvature: the start lies outside the bounds");
-  }
+  check_start(problem, start, "maximise_by_curvature");
   const auto begin = std::chrono::steady_clock::now();
   Solution out;
   out.x = start;

@@ -7,12 +7,12 @@
 #include <functional>
 #include <numeric>
 #include <optional>
-#include <stdexcept>
 #include <vector>
 
 #include <Eigen/Eigenvalues>
 
 #include "solvers/curvature_correction.h"
+#include "solvers/internal/likelihood_start.h"
 
 namespace identikal {
 namespace {
@@ -157,16 +157,6 @@ VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vect
   }
 }
 
-void check(const LikelihoodProblem& problem, const VectorXd& start) {
-  if (problem.lower.size() != start.size() || problem.upper.size() != start.size()) {
-    throw std::invalid_argument("maximise: start and bounds differ in size");
-  }
-  if ((start.array() < problem.lower.array()).any() ||
-      (start.array() > problem.upper.array()).any()) {
-    throw std::invalid_argument("maximise: the start lies outside the bounds");
-  }
-}
-
 // What became of one step.
 struct Trial {
   Point next;
@@ -259,7 +249,7 @@ std::optional<Trial> accepted_step(const LikelihoodProblem& problem, const Point
 
 Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
                   const SolverOptions& options) {
-  check(problem, start);
+  check_start(problem, start, "maximise");
   const auto begin = std::chrono::steady_clock::now();
   Solution out;
   out.x = start;
