@@ -23,6 +23,19 @@ struct Campaign {
   }
 };
 
+// At a rate of wrong results of 2 %, more than 3 of 50 come in 2 % of such tests; the seeds are
+// fixed.
+TEST(VehicleVerdictsStudy, FiftyOfEachAreRightForMost) {
+  const VehicleVerdicts right = judge_vehicle_drives(50'000, 50, 0);
+  const VehicleVerdicts one = judge_vehicle_drives(51'000, 50, 1);
+  std::puts(in_words("no fault", right).c_str());
+  std::puts(in_words("one fault", one).c_str());
+  EXPECT_LE(right.ok_wrong, 3);
+  EXPECT_GE(right.ok_right, 30);
+  // Asked are 2 % of the wrong: docs/when-is-it-ok.md says what is missing.
+  EXPECT_LE(one.ok_wrong, one.ok_right / 4);
+}
+
 // A row each as in the table of docs/when-is-it-ok.md, which is of seeds from 400'000, 500'000 and
 // 600'000.
 Campaign drive_two_thousand(VehicleFitOptions::Structure structure) {
