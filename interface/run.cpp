@@ -297,7 +297,8 @@ ReadyVerb take_verb(const std::string& name) {
   return *std::move(known);
 }
 
-Outcome run_verb(const ik_result& result, bool wants_page, const Progress& progress) {
+Outcome run_verb(const ik_result& result, bool wants_page, const Progress& progress,
+                 const GoesOn& goes_on) {
   ReadyVerb ready = take_verb(result.verb);
   const Verb& verb = ready.verb();
   take_arguments(verb, result);
@@ -309,6 +310,7 @@ Outcome run_verb(const ik_result& result, bool wants_page, const Progress& progr
   call.wants_series = true;
   call.wants_text = false;
   call.progress = progress;
+  call.goes_on = goes_on;
   Outcome out = verb.run(call);
   last_verb() = std::move(ready);
   return out;
@@ -324,13 +326,14 @@ Progress progress_of(const ik_callbacks* callbacks) {
 
 }  // namespace
 
-void run(ik_result& result, const Arguments& given, const Progress& progress) {
+void run(ik_result& result, const Arguments& given, const Progress& progress,
+         const GoesOn& goes_on) {
   verb_called(result.verb);  // throws unless there is one
   check_arguments(given, result.verb);
   result.models = model_names(given);
   result.files = given.files;
   keep_inputs(given, result);
-  result.outcome = run_verb(result, false, progress);
+  result.outcome = run_verb(result, false, progress, goes_on);
   result.code = result.outcome.exit_code;
   result.message = result.outcome.message;
 }
@@ -347,7 +350,7 @@ void check_call(const std::string& verb,
 
 void draw_page(ik_result& result) {
   if (!result.outcome.json.exists() || !result.page.empty()) return;
-  const Outcome drawn = run_verb(result, true, {});
+  const Outcome drawn = run_verb(result, true, {}, {});
   if (!drawn.page_data.empty()) result.page = report_page(drawn.json.text(), drawn.page_data);
 }
 

@@ -44,9 +44,12 @@ struct Arguments {
 };
 
 using Progress = std::function<bool(const std::string& what, double share, double value)>;
+using GoesOn = std::function<bool()>;
 
 /// Runs result.verb with result.options. @throws InputError and others, which guarded() turns into a code
-void run(ik_result& result, const Arguments& given, const Progress& progress);
+/// @param goes_on  asked instead of `progress` where nobody reads what is done; false: stop
+void run(ik_result& result, const Arguments& given, const Progress& progress,
+         const GoesOn& goes_on = {});
 
 /// What does not depend on the recording: is there such a verb, does it take these options, are these models?
 /// @param models  text and path of each, one of them empty; @throws InputError

@@ -17,9 +17,12 @@
 
 namespace identikal {
 
+bool may_go_on(const Call& call) {
+  return !(std::chrono::steady_clock::now() > call.deadline) && (!call.goes_on || call.goes_on());
+}
+
 bool report_progress(const Call& call, const std::string& what, double share, double value) {
-  if (std::chrono::steady_clock::now() > call.deadline) return false;
-  return !call.progress || call.progress(what, share, value);
+  return may_go_on(call) && (!call.progress || call.progress(what, share, value));
 }
 
 void limit_time(Call& call, std::int64_t seconds) {

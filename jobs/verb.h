@@ -33,6 +33,8 @@ struct Call {
   std::string command;  ///< the command line as typed, for the page
   /// Called while it works. @return false to stop with the best so far
   std::function<bool(const std::string& what, double share, double value)> progress;
+  /// Asked instead of it where nobody reads what is done. @return false to stop with the best so far
+  std::function<bool()> goes_on;
   /// From here on progress is reported in vain: the job stops with the best so far.
   std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
   /// Told that the job does not report progress from here on, and that it is to end after so many
@@ -44,6 +46,9 @@ struct Call {
   /// Takes text that is too long for Outcome::text piece by piece; empty: nobody does.
   std::function<void(const std::string& text)> print;
 };
+
+/// Neither beyond the deadline nor asked to stop.
+bool may_go_on(const Call& call);
 
 /// @param share  of the work that is done, @param value  of the objective; kNone: not known
 /// @return false when the caller wants to stop

@@ -21,12 +21,12 @@ namespace {
 
 namespace py = pybind11;
 
-using Task = std::function<void(int task, const Progress& progress)>;
+using Task = std::function<void(int task, const GoesOn& goes_on)>;
 
 // On the caller's thread, which sees signals itself.
 void one_after_the_other(int count, Pulse& pulse, const Task& task) {
-  const Progress progress = std::ref(pulse);
-  for (int i = 0; i < count && pulse("", 0.0, 0.0); ++i) task(i, progress);
+  const GoesOn goes_on = [&] { return pulse("", 0.0, 0.0); };
+  for (int i = 0; i < count && goes_on(); ++i) task(i, goes_on);
 }
 
 // On threads of their own: only the one that Python began on is told of signals, and it may not be
@@ -39,8 +39,8 @@ void side_by_side(int count, int threads, Pulse& pulse, const Task& task) {
   int working = 0;
   const auto work = [&] {
     const OneThread alone;
-    const Progress progress = [&](const std::string&, double, double) { return !stopped; };
-    for (int i = next++; i < count && !stopped; i = next++) task(i, progress);
+    const GoesOn goes_on = [&] { return !stopped; };
+    for (int i = next++; i < count && !stopped; i = next++) task(i, goes_on);
     const std::lock_guard<std::mutex> lock(mutex);
     --working;
     ended.notify_one();
@@ -77,18 +77,15 @@ py::tuple run_each(const std::string& verb,
   for (const auto& [samples, files] : recordings) data.emplace_back(samples, files);
   std::vector<SharedResult> results(data.size());
   Pulse pulse(py::none{});
-  const Task task = [&](int i, const Progress& progress) {
+  const Task task = [&](int i, const GoesOn& goes_on) {
     const auto at = static_cast<std::size_t>(i);
     auto result = std::make_shared<ik_result>();
     result->verb = verb;
     result->options = options;
     bool stopped = false;
     guarded(*result, [&] {
-      run(*result, data[at].arguments(models, before),
-          [&](const std::string& what, double share, double value) {
-            stopped = stopped || !progress(what, share, value);
-            return !stopped;
-          });
+      run(*result, data[at].arguments(models, before), {},
+          [&] { return !(stopped = stopped || !goes_on()); });
     });
     if (!stopped) results[at] = std::move(result);
   };

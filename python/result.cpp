@@ -31,11 +31,16 @@ py::tuple run_verb(const std::string& verb,
   std::optional<GivenData> data;
   const std::vector<const ik_result*> before = pointers(previous);
   Pulse pulse(progress);
+  const bool silent = progress.is_none();
   guarded(*result, [&] {
     data.emplace(recordings, files);
     const Arguments arguments = data->arguments(models, before);
     const py::gil_scoped_release released;
-    run(*result, arguments, std::ref(pulse));
+    if (silent) {
+      run(*result, arguments, {}, [&] { return pulse("", 0.0, 0.0); });
+    } else {
+      run(*result, arguments, std::ref(pulse));
+    }
   });
   pulse.rethrow();
   return py::make_tuple(result, pulse.interrupted());
