@@ -1,11 +1,13 @@
 // What does ik_run("tune") cost beside the fit itself? The Nile, one start, through the C interface and through
-// tune_ml(), the median of many calls: call_bench MODEL RECORDING [CALLS]
+// tune_ml(), the median of many calls: call_bench MODEL RECORDING [CALLS]; and how long is a fit with the default
+// options where many series are fitted one after the other: call_bench MODEL RECORDING CALLS loop
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -38,6 +40,25 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+// Of series of their own: the recording and noise of variance 1.
+void print_loop_of_fits(const identikal::Model& model, const std::vector<double>& y, int calls) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise;
+  std::vector<std::vector<double>> series(1000, y);
+  for (std::vector<double>& each : series) {
+    for (double& sample : each) sample += noise(random);
+  }
+  identikal::NoiseMlOptions options;
+  options.pictures = false;
+  const double whole = time_of([&] {
+    for (int i = 0; i < calls; ++i) {
+      const std::vector<double>& of = series[static_cast<std::size_t>(i) % series.size()];
+      identikal::tune_ml(model, {identikal::recording(model, of, 1.0)}, options);
+    }
+  });
+  std::printf("%.1f us a fit\n", whole / calls);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -47,11 +68,12 @@ int main(int argc, char** argv) {
   const std::string text(std::istreambuf_iterator<char>(file), {});
   const std::vector<double> y = identikal::read_csv(argv[2]).columns.back().values;
 
+  const identikal::Model model = identikal::parse_model_file(text, "model");
+  if (argc > 4 && std::string(argv[4]) == "loop") return print_loop_of_fits(model, y, calls), 0;
   ik_recording recording{};
   recording.y = y.data();
   recording.rows = y.size();
   recording.ny = 1;
-  const identikal::Model model = identikal::parse_model_file(text, "model");
   const std::vector<identikal::Dataset> data = {identikal::recording(model, y, 1.0)};
   for (const bool profiles : {true, false}) {
     const auto through_c = [&] {

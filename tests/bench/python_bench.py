@@ -1,11 +1,14 @@
-"""What does Python cost? tests/bench/python_bench.py [FITS]; the package on PYTHONPATH, statsmodels installed.
+"""What does Python cost? tests/bench/python_bench.py [FITS [CALL_BENCH]]; the package on PYTHONPATH, statsmodels installed.
 
 Prints: a call of tune with its parts, FITS fits of short recordings (each of its own) beside the same through the module's
-raw function and by each(), two threads beside one, memory for 10^7 rows, and time, log-likelihood, estimates and errors beside
-statsmodels on three models.
+raw function and by each(), two threads beside one, memory for 10^7 rows, with CALL_BENCH each() beside a loop of tune_ml() in C++,
+and time, log-likelihood, estimates and errors beside statsmodels on three models.
 """
 import os
+import statistics
+import subprocess
 import sys
+import tempfile
 import threading
 import time
 import warnings
@@ -63,6 +66,26 @@ def fits(count):
             fit.params["q"].value
         print(f"{count // 2} default fits, each() on {number}: {(processor() - begin) / (count // 2) * 1e6:.1f} us of processor each, "
               f"{(time.perf_counter() - clock) / (count // 2) * 1e6:.1f} by the clock")
+
+
+def beside_cpp(bench, count=2000, pairs=10):
+    """Default fits by each() and by a loop in C++, in turn: others may use the machine meanwhile."""
+    of = np.random.default_rng(1)
+    series = [FLOW + of.normal(size=100) for _ in range(count)]
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as model:
+        model.write(LEVEL.text)
+        model.flush()
+        ours, theirs = [], []
+        for _ in range(pairs):
+            out = subprocess.run([bench, model.name, os.path.join(ROOT, "data/nile.csv"), str(count), "loop"], capture_output=True, text=True, check=True)
+            theirs.append(float(out.stdout.split()[0]))
+            begin = processor()
+            for fit in ik.each("tune", LEVEL, series, threads=1):
+                fit.params["q"].value
+            ours.append((processor() - begin) / count * 1e6)
+    for what, value in (("least", min), ("median", statistics.median)):
+        print(f"default fits, {what} of {pairs} times {count}: C++ {value(theirs):.0f} us, each() {value(ours):.0f} us, "
+              f"{value(theirs) / value(ours):.2f} of its rate")
 
 
 def threads(count):
@@ -165,4 +188,6 @@ memory()
 calls(2000)
 threads(3000)
 fits(count)
+if len(sys.argv) > 2:
+    beside_cpp(sys.argv[2])
 beside_statsmodels()
