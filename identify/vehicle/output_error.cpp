@@ -418,26 +418,31 @@ PriorResidual prior_residual(const VehicleProblem& problem, const Eigen::VectorX
 
 namespace {
 
-// The user's values there, and their slopes by the coordinates of the free ones.
-ConstraintValues constraints_at(const VehicleProblem& problem, const Eigen::VectorXd& z,
-                                Eigen::VectorXd& p) {
+// Of the user's values p there, with slopes by these and by the k coordinates of the free ones.
+struct ConstraintsThere {
+  Eigen::VectorXd p;
+  ConstraintValues by_values;
+  Eigen::MatrixXd slopes;  // a row each, k
+};
+
+ConstraintsThere constraints_at(const VehicleProblem& problem, const Eigen::VectorXd& z) {
   const VehicleUnknowns& unknowns = problem.unknowns;
   const Eigen::Index k = problem.parameters();
-  p = unknowns.stated;
+  ConstraintsThere out;
+  out.p = unknowns.stated;
   Eigen::VectorXd slope = Eigen::VectorXd::Zero(k);
   for (Eigen::Index i = 0; i < k; ++i) {
     const UserValue user = in_user_terms(unknowns.free[i], z[i] * unknowns.scale[i]);
     if (!unknowns.is_stated[i]) continue;
-    p[static_cast<Eigen::Index>(unknowns.position[i])] = user.value;
+    out.p[static_cast<Eigen::Index>(unknowns.position[i])] = user.value;
     slope[i] = user.slope * unknowns.scale[i];
   }
-  ConstraintValues out = constraint_values(unknowns.constraints, p);
-  const Eigen::MatrixXd by_parameters = std::move(out.slopes);
-  out.slopes = Eigen::MatrixXd::Zero(out.g.size(), k);
+  out.by_values = constraint_values(unknowns.constraints, out.p);
+  out.slopes = Eigen::MatrixXd::Zero(out.by_values.g.size(), k);
   for (Eigen::Index i = 0; i < k; ++i) {
     if (!unknowns.is_stated[i]) continue;
     out.slopes.col(i) =
-        slope[i] * by_parameters.col(static_cast<Eigen::Index>(unknowns.position[i]));
+        slope[i] * out.by_values.slopes.col(static_cast<Eigen::Index>(unknowns.position[i]));
   }
   return out;
 }
@@ -471,15 +476,15 @@ class ProfiledLikelihood {
   bool tighten(const Eigen::VectorXd& z) {
     double L = 0.0;
     if (!of_data(z, L, nullptr)) return false;
-    Eigen::VectorXd p;
-    const ConstraintValues values = constraints_at(problem_, z, p);
+    const ConstraintsThere at = constraints_at(problem_, z);
     const Eigen::Index k = problem_.parameters();
     const Eigen::MatrixXd information = information_.topLeftCorner(k, k);
-    const Eigen::VectorXd tolerances = constraint_tolerances(values, p, values.slopes, information);
+    const Eigen::VectorXd tolerances =
+        constraint_tolerances(at.by_values, at.p, at.slopes, information);
     const bool first = multipliers.w.size() == 0;
-    const bool open = !first && update_multipliers(problem_.unknowns.constraints, values.g,
+    const bool open = !first && update_multipliers(problem_.unknowns.constraints, at.by_values.g,
                                                    tolerances, multipliers);
-    multipliers.weigh(values.slopes, information);
+    multipliers.weigh(at.slopes, information);
     return first || open;
   }
   const ProfiledStates& profile() const { return profile_; }
@@ -525,9 +530,9 @@ Solution search_constrained(ProfiledLikelihood& likelihood, const LikelihoodProb
 ConstraintResiduals constraint_rows(const VehicleProblem& problem, const Multipliers& multipliers,
                                     const Eigen::VectorXd& z) {
   if (multipliers.w.size() == 0) return {{}, Eigen::MatrixXd(0, problem.parameters()), 0.0};
-  Eigen::VectorXd p;
+  const ConstraintsThere at = constraints_at(problem, z);
   return constraint_residuals(problem.unknowns.constraints, multipliers,
-                              constraints_at(problem, z, p));
+                              {at.by_values.g, at.slopes});
 }
 
 VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::VectorXd& start,

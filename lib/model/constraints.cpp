@@ -133,6 +133,9 @@ bool update_multipliers(const Constraints& constraints, const VectorXd& g, const
 
 VectorXd constraint_tolerances(const ConstraintValues& values, const VectorXd& p,
                                const MatrixXd& slopes, const MatrixXd& information) {
+  if (values.slopes.cols() != p.size() || slopes.cols() != information.rows()) {
+    throw std::invalid_argument("constraint_tolerances: slopes do not fit what they are by");
+  }
   const VectorXd sizes = values.slopes.cwiseAbs() * p.cwiseAbs();
   return kMultipliersSettled * variances(slopes, information).cwiseSqrt() + kRounding * sizes +
          VectorXd::Constant(sizes.size(), 1e-300);

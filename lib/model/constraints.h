@@ -85,6 +85,10 @@ bool update_multipliers(const Constraints& constraints, const Eigen::VectorXd& g
 
 /// Per constraint: a ten-millionth of what the standard errors of coordinates move g by, and not below
 /// its rounding.
+/// @param values       with slopes by the parameters p
+/// @param slopes       per constraint, by the k coordinates that are searched in
+/// @param information  k x k, of these
+/// @throws std::invalid_argument when shapes disagree
 Eigen::VectorXd constraint_tolerances(const ConstraintValues& values, const Eigen::VectorXd& p,
                                       const Eigen::MatrixXd& slopes,
                                       const Eigen::MatrixXd& information);

@@ -106,5 +106,18 @@ TEST(Constraints, WhatTheFunctionDoesNotDetermineIsNotTested) {
   EXPECT_GT(multipliers.variance[1], 0.0);
 }
 
+TEST(Constraints, SlopesHaveToFitWhatTheyAreBy) {
+  const Constraints sum = constraints_of({"a + 2*b - 3"}, {true});
+  const VectorXd p{{1.0, 2.0, 3.0}};
+  const ConstraintValues at = constraint_values(sum, p);
+  const MatrixXd by_one_coordinate = MatrixXd::Ones(1, 1);
+  EXPECT_GT(constraint_tolerances(at, p, by_one_coordinate, MatrixXd::Ones(1, 1))[0], 0.0);
+  EXPECT_THROW(
+      constraint_tolerances({at.g, by_one_coordinate}, p, by_one_coordinate, MatrixXd::Ones(1, 1)),
+      std::invalid_argument);
+  EXPECT_THROW(constraint_tolerances(at, p, by_one_coordinate, MatrixXd::Identity(2, 2)),
+               std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace identikal
