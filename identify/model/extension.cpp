@@ -1,6 +1,7 @@
 #include "identify/model/extension.h"
 
 #include <algorithm>
+#include <cctype>
 #include <optional>
 #include <utility>
 
@@ -33,11 +34,17 @@ YamlNode& named_part(YamlNode& parent, const std::string& key, const char* where
   return value_at(parent, key);
 }
 
-// The unit of an output as its model file has it, or of a state.
+const YamlNode* input_of(const YamlNode& model, const std::string& name) {
+  const YamlNode* inputs = find(model, "inputs");
+  return inputs != nullptr && inputs->kind == Kind::mapping ? find(*inputs, name) : nullptr;
+}
+
+// The unit of an output or an input as its model file has it, or of a state.
 std::string unit_of(const YamlNode& model, const std::string& name) {
-  const YamlNode& outputs = formulas_part(model, "outputs");
-  if (const YamlNode* output = find(outputs, name)) {
-    const YamlNode* unit = find(*output, "unit");
+  const YamlNode* channel = find(formulas_part(model, "outputs"), name);
+  if (channel == nullptr) channel = input_of(model, name);
+  if (channel != nullptr) {
+    const YamlNode* unit = find(*channel, "unit");
     return unit != nullptr ? unit->text : "";
   }
   const YamlNode* states = find(model, "states");
@@ -71,11 +78,62 @@ void add_parameter(YamlNode& model, const std::string& name, double value, const
   append(value_at(model, "parameters"), name, std::move(node));
 }
 
-void add_to_output(YamlNode& model, const std::string& output, const std::string& term) {
+// The formula of an output; one without is the state of its name.
+std::string formula_of(const YamlNode& model, const std::string& output) {
+  const YamlNode* node = find(formulas_part(model, "outputs"), output);
+  const YamlNode* equals = node != nullptr ? find(*node, "equals") : nullptr;
+  return equals != nullptr ? equals->text : output;
+}
+
+void write_output(YamlNode& model, const std::string& output, const std::string& formula) {
   YamlNode& node = named_part(value_at(model, "outputs"), output, "output");
-  const YamlNode* equals = find(node, "equals");
-  const std::string before = equals != nullptr ? "(" + equals->text + ")" : output;
-  value_at(node, "equals") = yaml_scalar(before + " + " + term);
+  value_at(node, "equals") = yaml_scalar(formula);
+}
+
+// Every name in a formula, as `with` has it.
+template <typename With>
+std::string with_names(const std::string& formula, const With& with) {
+  const auto begins = [](char c) {
+    return std::isalpha(static_cast<unsigned char>(c)) || c == '_';
+  };
+  const auto goes_on = [&](char c) {
+    return begins(c) || std::isdigit(static_cast<unsigned char>(c)) || c == '.';
+  };
+  std::string out;
+  for (std::size_t i = 0; i < formula.size();) {
+    std::size_t end = i + 1;
+    while (goes_on(formula[i]) && end < formula.size() && goes_on(formula[end])) ++end;
+    const std::string part = formula.substr(i, end - i);
+    out += begins(formula[i]) ? with(part) : part;
+    i = end;
+  }
+  return out;
+}
+
+// In every formula of the motion and of what is measured.
+void write_input(YamlNode& model, const std::string& input, const std::string& formula) {
+  const auto rewrite = [&](YamlNode& node) {
+    node = yaml_scalar(
+        with_names(node.text,
+                   [&](const std::string& part) { return part == input ? formula : part; }),
+        node);
+  };
+  for (const char* key : {"dynamics", "let"}) {
+    if (find(model, key) == nullptr) continue;
+    for (YamlNode& each : value_at(model, key).items) rewrite(each);
+  }
+  for (YamlNode& each : value_at(model, "outputs").items) {
+    if (find(each, "equals") != nullptr) rewrite(value_at(each, "equals"));
+  }
+}
+
+// What is measured, with its error: of an input what acts is the measurement without it.
+void add_error(YamlNode& model, const std::string& channel, const std::string& error) {
+  if (find(formulas_part(model, "outputs"), channel) == nullptr) {
+    return write_input(model, channel, "(" + channel + " - " + error + ")");
+  }
+  const std::string before = formula_of(model, channel);
+  write_output(model, channel, (before == channel ? before : "(" + before + ")") + " + " + error);
 }
 
 void add_state(YamlNode& model, const std::string& name, const std::string& unit,
@@ -109,11 +167,6 @@ void add_process_variance(YamlNode& model, const std::string& state, const std::
          yaml_scalar(as_sd ? "sqrt(" + formula + ")" : formula));
 }
 
-bool is_continuous(const YamlNode& model) {
-  const YamlNode* kind = find(formulas_part(model, "time"), "kind");
-  return kind != nullptr && kind->text == "continuous";
-}
-
 // Parameters of lasting errors.
 struct LastingNames {
   std::string sd, tau, step;  // step: of discrete time, known
@@ -128,16 +181,17 @@ LastingNames add_lasting_parameters(YamlNode& model, const std::string& of, cons
   add_parameter(model, out.sd, size / unit_or_dimensionless(unit).scale, unit, 0.0);
   add_parameter(model, out.tau, kStartSteps * step, with_units ? "s" : "", kLeastSteps * step,
                 kMostSteps * step);
-  if (!is_continuous(model)) {
+  if (!has_continuous_time(model)) {
     append(value_at(model, "parameters"), out.step,
            yaml_scalar(fmt::format("{:.12g}{}", step, with_units ? " s" : "")));
   }
   return out;
 }
 
-void add_lasting_error(YamlNode& model, const std::string& output, const LastingNames& by) {
-  const std::string unit = unit_of(model, output), own = unused(model, "error_" + output);
-  if (is_continuous(model)) {
+// x' = -x/tau + w.
+void add_lasting_state(YamlNode& model, const std::string& own, const std::string& unit,
+                       const LastingNames& by) {
+  if (has_continuous_time(model)) {
     add_state(model, own, unit, fmt::format("-{}/{}", own, by.tau), by.sd);
     add_process_variance(model, own, fmt::format("2*{}^2/{}", by.sd, by.tau));
   } else {
@@ -145,7 +199,6 @@ void add_lasting_error(YamlNode& model, const std::string& output, const Lasting
     add_process_variance(model, own,
                          fmt::format("{}^2*(1 - exp(-2*{}/{}))", by.sd, by.step, by.tau));
   }
-  add_to_output(model, output, own);
 }
 
 void add_lasting_errors(YamlNode& model, const ModelExtension& extension, double step) {
@@ -156,14 +209,65 @@ void add_lasting_errors(YamlNode& model, const ModelExtension& extension, double
       of_all = add_lasting_parameters(model, extension.alike ? "errors" : name,
                                       unit_of(model, name), extension.size[i], step);
     }
-    add_lasting_error(model, name, *of_all);
+    const std::string own = unused(model, "error_" + name);
+    add_lasting_state(model, own, unit_of(model, name), *of_all);
+    add_error(model, name, own);
   }
 }
 
-void add_bias(YamlNode& model, const std::string& output) {
-  const std::string name = unused(model, "bias_" + output);
-  add_parameter(model, name, 0.0, unit_of(model, output), std::nullopt);
-  add_to_output(model, output, name);
+void add_coloured_process_noise(YamlNode& model, const ModelExtension& extension, double step) {
+  std::optional<LastingNames> of_all;
+  for (std::size_t i = 0; i < extension.names.size(); ++i) {
+    const std::string& name = extension.names[i];
+    const std::string of_state = unit_of(model, name);
+    const std::string unit =
+        has_continuous_time(model) ? (of_state.empty() ? "" : of_state + "/s") : of_state;
+    if (!of_all || !extension.alike) {
+      of_all =
+          add_lasting_parameters(model, extension.alike ? "disturbances" : "disturbance_" + name,
+                                 unit, extension.size[i], step);
+    }
+    const std::string own = unused(model, "disturbance_" + name);
+    add_lasting_state(model, own, unit, *of_all);
+    YamlNode& dynamics = named_part(value_at(model, "dynamics"), name, "dynamics of");
+    dynamics =
+        yaml_scalar(dynamics.text == "0" ? own : "(" + dynamics.text + ") + " + own, dynamics);
+  }
+}
+
+void add_scale(YamlNode& model, const std::string& channel) {
+  const std::string name = unused(model, "scale_" + channel);
+  add_parameter(model, name, 1.0, "", std::nullopt);
+  if (find(formulas_part(model, "outputs"), channel) == nullptr) {
+    write_input(model, channel, "(" + channel + "/" + name + ")");
+  } else {
+    write_output(model, channel, name + "*(" + formula_of(model, channel) + ")");
+  }
+}
+
+// x(t - d) = x(t) - d x'(t), to first order.
+void add_delay(YamlNode& model, const std::string& output) {
+  if (!can_be_late(model, output)) {
+    throw InputError(model.at, fmt::format("'{}' with a delay", output),
+                     "continuous time, and an output that is written in states and parameters");
+  }
+  const std::string name = unused(model, "delay_" + output);
+  const YamlNode* states = find(model, "states");
+  const bool with_units = states != nullptr && states->kind == Kind::mapping;
+  add_parameter(model, name, 0.0, with_units ? "s" : "", std::nullopt);
+  const YamlNode& dynamics = formulas_part(model, "dynamics");
+  const std::string late = with_names(formula_of(model, output), [&](const std::string& part) {
+    const YamlNode* slope = find(dynamics, part);
+    if (slope == nullptr || slope->text == "0") return part;
+    return fmt::format("({} - {}*({}))", part, name, slope->text);
+  });
+  write_output(model, output, late);
+}
+
+void add_bias(YamlNode& model, const std::string& channel) {
+  const std::string name = unused(model, "bias_" + channel);
+  add_parameter(model, name, 0.0, unit_of(model, channel), std::nullopt);
+  add_error(model, channel, name);
 }
 
 // The variances of these names times a ratio, from a time on.
@@ -201,6 +305,33 @@ std::vector<std::string> names_with_noise(const YamlNode& model, const char* of)
   return out;
 }
 
+// Of "measurement" or "process" noise: the names whose size is written with the same letters.
+std::vector<std::vector<std::string>> alike(const YamlNode& model, const char* of) {
+  const YamlNode* noise = find(formulas_part(model, "noise"), of);
+  const YamlNode* written = nullptr;
+  for (const char* key : {"variance", "sd"}) {
+    if (noise != nullptr && written == nullptr) written = find(*noise, key);
+  }
+  std::vector<std::vector<std::string>> out;
+  if (written == nullptr || written->kind != Kind::mapping) return out;
+  std::vector<std::string> sizes;
+  for (std::size_t i = 0; i < written->keys.size(); ++i) {
+    const std::string& text = written->items[i].text;
+    if (text.find_first_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") ==
+        std::string::npos) {
+      continue;
+    }
+    const auto at = std::find(sizes.begin(), sizes.end(), text);
+    if (at == sizes.end()) {
+      sizes.push_back(text);
+      out.push_back({written->keys[i].text});
+    } else {
+      out[static_cast<std::size_t>(at - sizes.begin())].push_back(written->keys[i].text);
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string in_words(const ModelExtension& extension) {
@@ -212,6 +343,12 @@ std::string in_words(const ModelExtension& extension) {
     case ExtensionKind::lasting_error:
       return (several ? "errors that last, " : "an error that lasts, ") +
              std::string(extension.alike ? "alike, of " : "of ") + names;
+    case ExtensionKind::scale:
+      return (several ? "scales of " : "a scale of ") + names;
+    case ExtensionKind::delay:
+      return "a delay of " + names;
+    case ExtensionKind::coloured_process_noise:
+      return "coloured process noise of " + names + (extension.alike ? ", alike" : "");
     case ExtensionKind::measurement_noise_change:
       return fmt::format("another measurement noise of {} from {:.6g} s on", names, extension.from);
     case ExtensionKind::process_noise_change:
@@ -223,28 +360,31 @@ std::string in_words(const ModelExtension& extension) {
 }
 
 std::vector<std::vector<std::string>> outputs_alike(const YamlNode& model) {
-  const YamlNode* noise = find(formulas_part(model, "noise"), "measurement");
-  const YamlNode* written = nullptr;
-  for (const char* key : {"variance", "sd"}) {
-    if (noise != nullptr && written == nullptr) written = find(*noise, key);
-  }
-  std::vector<std::vector<std::string>> out;
-  if (written == nullptr || written->kind != Kind::mapping) return out;
-  std::vector<std::string> variances;
-  for (std::size_t i = 0; i < written->keys.size(); ++i) {
-    const std::string& text = written->items[i].text;
-    if (text.find_first_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") ==
-        std::string::npos) {
-      continue;
+  return alike(model, "measurement");
+}
+
+std::vector<std::vector<std::string>> states_alike(const YamlNode& model) {
+  return alike(model, "process");
+}
+
+bool has_continuous_time(const YamlNode& model) {
+  const YamlNode* kind = find(formulas_part(model, "time"), "kind");
+  return kind != nullptr && kind->text == "continuous";
+}
+
+bool can_be_late(const YamlNode& model, const std::string& output) {
+  if (!has_continuous_time(model)) return false;
+  bool out = true;
+  with_names(formula_of(model, output), [&](const std::string& part) {
+    for (const char* key : {"inputs", "let"}) {
+      const YamlNode* names = find(model, key);
+      if (names == nullptr) continue;
+      const std::vector<YamlNode>& all = names->kind == Kind::list ? names->items : names->keys;
+      out = out && std::none_of(all.begin(), all.end(),
+                                [&](const YamlNode& each) { return each.text == part; });
     }
-    const auto at = std::find(variances.begin(), variances.end(), text);
-    if (at == variances.end()) {
-      variances.push_back(text);
-      out.push_back({written->keys[i].text});
-    } else {
-      out[static_cast<std::size_t>(at - variances.begin())].push_back(written->keys[i].text);
-    }
-  }
+    return part;
+  });
   return out;
 }
 
@@ -252,6 +392,8 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
   formulas_part(model, "dynamics");
   formulas_part(model, "noise");
   if (extension.kind == ExtensionKind::lasting_error) add_lasting_errors(model, extension, step);
+  if (extension.kind == ExtensionKind::coloured_process_noise)
+    add_coloured_process_noise(model, extension, step);
   for (std::size_t i = 0; i < extension.names.size(); ++i) {
     const std::string& name = extension.names[i];
     const double size = extension.size[i];
@@ -259,7 +401,14 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
       case ExtensionKind::bias:
         add_bias(model, name);
         break;
+      case ExtensionKind::scale:
+        add_scale(model, name);
+        break;
+      case ExtensionKind::delay:
+        add_delay(model, name);
+        break;
       case ExtensionKind::lasting_error:
+      case ExtensionKind::coloured_process_noise:
         break;
       case ExtensionKind::measurement_noise_change:
         change_noise(model, "measurement", {name}, name, size, extension.from);
@@ -270,7 +419,7 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
         break;
       case ExtensionKind::process_noise: {
         const std::string unit = unit_of(model, name);
-        const bool density = is_continuous(model);
+        const bool density = has_continuous_time(model);
         const std::string of =
             unit.empty() ? "" : fmt::format("{0}*{0}{1}", unit, density ? "/s" : "");
         const double scale = unit_or_dimensionless(unit).scale;

@@ -9,33 +9,47 @@
 namespace identikal {
 
 enum class ExtensionKind {
-  bias,           ///< a constant error of outputs, a parameter each
-  lasting_error,  ///< of outputs: e' = -e/tau + w, a state each (first-order Gauss-Markov process)
+  bias,           ///< a constant error of outputs or inputs, a parameter each
+  scale,          ///< of outputs or inputs: a factor, a parameter each
+  delay,          ///< of an output in continuous time: y(t) = h(x(t - d)), to first order in d
+  lasting_error,  ///< of outputs or inputs: e' = -e/tau + w, a state each (first-order Gauss-Markov)
   process_noise,  ///< white noise in the dynamics of a state that has none
+  coloured_process_noise,    ///< in the dynamics of states that have white noise: d' = -d/tau + w
   measurement_noise_change,  ///< of outputs: from a time on all variances times a ratio
   process_noise_change,      ///< of all states that have process noise, likewise
 };
 
 struct ModelExtension {
   ExtensionKind kind = ExtensionKind::bias;
-  std::vector<std::string> names;  ///< outputs, or one state
+  std::vector<std::string> names;  ///< outputs, inputs, or states
   std::vector<double> size;        ///< a standard deviation each, where a search begins, SI; of a
-                                   ///< change the ratio of variances
-  bool alike = false;              ///< lasting errors: one deviation and time constant for all
+                                   ///< change the ratio of variances; of a scale and a delay [s]
+                                   ///< what is little for it
+  bool alike = false;              ///< what lasts: one deviation and time constant for all
   double from = 0.0;               ///< of a change: its time t, as the model's formulas have it [s]
 };
-/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx", "another measurement noise
-/// of z from 120 s on".
+/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx", "coloured process noise of
+/// vx, vy, alike", "another measurement noise of z from 120 s on".
 std::string in_words(const ModelExtension& extension);
 
 /// Outputs whose measurement noise is written with the same variance, where that is not a number:
 /// sensors of one kind.
 std::vector<std::vector<std::string>> outputs_alike(const YamlNode& model);
 
-/// The tree of a model file with the further part, and parameters for it: bias_OUTPUT; sd_OUTPUT and
-/// tau_OUTPUT of a lasting error, whose state is error_OUTPUT (sd_errors and tau_errors of those that
-/// are alike); q_STATE; ratio_OUTPUT or ratio_process of a change, at the known time change_OUTPUT or
-/// change_process. A lasting error begins with its own variance.
+/// States whose process noise is written alike.
+std::vector<std::vector<std::string>> states_alike(const YamlNode& model);
+
+bool has_continuous_time(const YamlNode& model);
+
+/// Can it come late: is time continuous, and is it written in states and parameters alone?
+bool can_be_late(const YamlNode& model, const std::string& output);
+
+/// The tree of a model file with the further part, and parameters for it: bias_OUTPUT; scale_OUTPUT;
+/// delay_OUTPUT; sd_OUTPUT and tau_OUTPUT of a lasting error, whose state is error_OUTPUT (sd_errors
+/// and tau_errors of those that are alike); q_STATE; sd_disturbance_STATE and tau_disturbance_STATE of
+/// coloured process noise, whose state is disturbance_STATE (sd_disturbances and tau_disturbances);
+/// ratio_OUTPUT or ratio_process of a change, at the known time change_OUTPUT or change_process. What
+/// lasts begins with its own variance.
 ///
 /// Example:
 ///

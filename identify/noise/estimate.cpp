@@ -238,13 +238,19 @@ std::vector<const EstimatedParameter*> vanished_noise(const Estimate& estimate, 
   return out;
 }
 
+// Of one that has, as further parts give it, an error that lasts: its white noise may be none.
+bool has_lasting_error(const Model& model, const std::string& output) {
+  return std::any_of(model.states.begin(), model.states.end(),
+                     [&](const StateName& state) { return state.name == "error_" + output; });
+}
+
 // No sensor is without noise, and the likelihood says so only within its limits.
 Findings check_measurement_noise(const Estimate& estimate, const Model& model,
                                  const ParameterSet& end, const std::vector<Channel>& outputs) {
   Findings out;
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     const auto vanished = vanished_noise(estimate, model, end, static_cast<Index>(i));
-    if (vanished.empty()) continue;
+    if (vanished.empty() || has_lasting_error(model, outputs[i].name)) continue;
     const EstimatedParameter& p = *vanished.front();
     const auto same = std::find_if(out.begin(), out.end(),
                                    [&](const Finding& f) { return f.about.front() == p.name; });

@@ -25,6 +25,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kStandardErrors = 3.0, kLeastGain = 0.01;  // nats per row
+// Where the first part, too, asks for a further part, by as many nats more than BIC's penalty.
+constexpr double kWithFirstPart = 2.0, kAskedFor = 10.0;
 
 struct ExtendedModel : FittedModel {
   std::vector<VectorXd> densities;  // of held-out rows, per recording; empty: it does not run
@@ -85,6 +87,12 @@ bool pays(const GainByRow& gain) {
   return gain.mean > kStandardErrors * gain.se && gain.mean > kLeastGain;
 }
 
+// A gain that the part on which nothing was fitted confirms needs not be shown by that part alone.
+bool pays(const GainByRow& gain, const ExtendedModel& more, const ExtendedModel& less) {
+  return pays(gain) || (more.criterion > less.criterion + kAskedFor &&
+                        gain.mean > kWithFirstPart * gain.se && gain.mean > kLeastGain);
+}
+
 GainByRow gain_of(const ExtendedModel& more, const ExtendedModel& less) {
   std::vector<VectorXd> gains;
   for (std::size_t r = 0; r < more.densities.size(); ++r) {
@@ -106,6 +114,7 @@ std::optional<ExtendedModel> with_predictions(std::optional<FittedModel> fitted,
 struct Fitted {
   ExtendedModel candidate;
   GainByRow gain;
+  bool pays;
   std::size_t trial;
 };
 
@@ -113,12 +122,12 @@ struct Fitted {
 std::optional<std::size_t> chosen_of(const std::vector<Fitted>& fitted) {
   const auto beaten = [&](const Fitted& each) {
     return std::any_of(fitted.begin(), fitted.end(), [&](const Fitted& other) {
-      return pays(other.gain) && pays(gain_of(other.candidate, each.candidate));
+      return other.pays && pays(gain_of(other.candidate, each.candidate));
     });
   };
   std::optional<std::size_t> out;
   for (std::size_t i = 0; i < fitted.size(); ++i) {
-    if (!pays(fitted[i].gain) || beaten(fitted[i])) continue;
+    if (!fitted[i].pays || beaten(fitted[i])) continue;
     if (!out || fitted[i].candidate.criterion > fitted[*out].candidate.criterion) out = i;
   }
   return out;
@@ -172,7 +181,8 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
         const GainByRow gain = gain_of(*candidate, best);
         trial.gain = gain.mean;
         trial.gain_se = gain.se;
-        fitted.push_back({std::move(*candidate), gain, out.tried.size()});
+        const bool worth_it = pays(gain, *candidate, best);
+        fitted.push_back({std::move(*candidate), gain, worth_it, out.tried.size()});
       }
       out.tried.push_back(std::move(trial));
     }

@@ -28,7 +28,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Of more outputs than that, all are extended at once, or none by a state each.
-constexpr std::size_t kMostAlone = 4, kMostStates = 6, kMostAlike = 12;
+constexpr std::size_t kMostAlone = 4, kMostStates = 6, kMostAlike = 12, kMostInputs = 2;
 
 // Values of parameters that both have.
 void take_values(const Model& from, Model& to) {
@@ -70,13 +70,17 @@ double standard_error_of(const std::string& name, const Model& model,
 }
 
 // A bias that a diffuse state can take over has no information but rounding, which looks like some
-// when it is the only thing in its row.
-bool determines_biases(const ModelExtension& extension, const Model& model,
-                       const std::vector<Dataset>& recordings) {
+// when it is the only thing in its row; a scale or a delay of the only output likewise.
+bool determines_constants(const ModelExtension& extension, const Model& model,
+                          const std::vector<Dataset>& recordings) {
   constexpr double kKnown = 10.0;  // of the size where its search began
-  if (extension.kind != ExtensionKind::bias) return true;
+  const char* of = extension.kind == ExtensionKind::bias    ? "bias_"
+                   : extension.kind == ExtensionKind::scale ? "scale_"
+                   : extension.kind == ExtensionKind::delay ? "delay_"
+                                                            : nullptr;
+  if (of == nullptr) return true;
   for (std::size_t i = 0; i < extension.names.size(); ++i) {
-    const double se = standard_error_of("bias_" + extension.names[i], model, recordings);
+    const double se = standard_error_of(of + extension.names[i], model, recordings);
     if (!(se < kKnown * extension.size[i])) return false;
   }
   return true;
@@ -133,15 +137,91 @@ std::vector<ModelExtension> alike(const YamlNode& root, const ModelExtension& al
   return out;
 }
 
+// What the inputs' sensors may do to them: a share of what they vary by is where a search begins.
+std::vector<ModelExtension> of_inputs(const Model& model, const Dataset& recording) {
+  constexpr double kShare = 0.1, kLittle = 0.05;  // of the standard deviation; of a scale
+  std::vector<ModelExtension> out;
+  if (model.inputs.size() > kMostInputs) return out;
+  for (std::size_t i = 0; i < model.inputs.size(); ++i) {
+    const std::string& name = model.inputs[i].name;
+    const auto u = recording.u.row(static_cast<Index>(i)).array();
+    const double size = kShare * std::sqrt((u - u.mean()).square().mean());
+    if (!(size > 0.0)) continue;  // nor where samples are missing
+    if (!has_parameter(model, "bias_" + name)) {
+      out.push_back({ExtensionKind::bias, {name}, {size}, false});
+    }
+    if (!has_parameter(model, "scale_" + name)) {
+      out.push_back({ExtensionKind::scale, {name}, {kLittle}, false});
+    }
+    if (!has_state(model, "error_" + name)) {
+      out.push_back({ExtensionKind::lasting_error, {name}, {size}, false});
+    }
+  }
+  return out;
+}
+
+// Of states, as the model's file has it: per second, or per sample.
+MatrixXd written_process_noise(const Model& model) {
+  const StateSpace written = written_matrices(noise_model(model), model.parameters);
+  return written.G * written.Q * written.G.transpose();
+}
+
+// Of the outputs that are measured, and are no angles: two turns are no scale of one.
+std::vector<ModelExtension> scales_and_delays(const YamlNode& root, const Model& model,
+                                              double step) {
+  constexpr double kLittle = 0.05, kShort = 0.5;  // of a scale; of a sample
+  std::vector<ModelExtension> out;
+  if (model.outputs.size() > kMostAlone) return out;
+  const std::vector<bool> wraps = is_linear(model) ? std::vector<bool>() : as_formulas(model).wraps;
+  for (const ExtensionKind kind : {ExtensionKind::scale, ExtensionKind::delay}) {
+    const bool scale = kind == ExtensionKind::scale;
+    for (std::size_t i = 0; i < model.outputs.size(); ++i) {
+      const std::string& name = model.outputs[i].name;
+      if (model.outputs[i].value || (scale && i < wraps.size() && wraps[i]) ||
+          (!scale && !can_be_late(root, name)) ||
+          has_parameter(model, (scale ? "scale_" : "delay_") + name)) {
+        continue;
+      }
+      out.push_back({kind, {name}, {scale ? kLittle : kShort * step}, false});
+    }
+  }
+  return out;
+}
+
+// In place of noise that is white: as large a variance of a sum over many samples.
+std::vector<ModelExtension> coloured_process_noises(const YamlNode& root, const Model& model,
+                                                    double step) {
+  constexpr double kSteps = 60.0;  // twice the time constant where its search begins, in samples
+  const MatrixXd Q = written_process_noise(model);
+  const double interval = has_continuous_time(root) ? step : 1.0;
+  std::vector<ModelExtension> out;
+  for (const std::vector<std::string>& kind : states_alike(root)) {
+    ModelExtension group{ExtensionKind::coloured_process_noise, {}, {}, kind.size() > 1};
+    for (const std::string& name : kind) {
+      const auto state = std::find_if(model.states.begin(), model.states.end(),
+                                      [&](const StateName& each) { return each.name == name; });
+      const Index at = state - model.states.begin();
+      if (state == model.states.end() || !(Q(at, at) > 0.0) || name.starts_with("error_") ||
+          name.starts_with("disturbance_") || has_state(model, "disturbance_" + name)) {
+        continue;
+      }
+      group.names.push_back(name);
+      group.size.push_back(std::sqrt(Q(at, at) / (kSteps * interval)));
+    }
+    if (!group.names.empty() && group.names.size() <= kMostStates) out.push_back(std::move(group));
+  }
+  return out;
+}
+
 std::vector<ModelExtension> process_noises(const Model& model) {
   std::vector<ModelExtension> out;
-  const StateSpace written = written_matrices(noise_model(model), model.parameters);
-  const MatrixXd Q = written.G * written.Q * written.G.transpose();
+  const MatrixXd Q = written_process_noise(model);
   const double of_others = std::sqrt(Q.diagonal().maxCoeff());
   for (std::size_t i = 0; i < model.states.size() && of_others > 0.0; ++i) {
     const auto at = static_cast<Index>(i);
     const std::string& name = model.states[i].name;
-    if (Q(at, at) != 0.0 || name.starts_with("error_") || has_parameter(model, "q_" + name)) {
+    if (Q(at, at) != 0.0 || name.starts_with("error_") || name.starts_with("disturbance_") ||
+        has_parameter(model, "q_" + name)) {
       continue;
     }
     out.push_back({ExtensionKind::process_noise, {name}, {0.1 * of_others}, false});
@@ -277,8 +357,12 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
     const std::vector<ModelExtension> groups = alike(root, all);
     out.insert(out.end(), groups.begin(), groups.end());
   }
-  const std::vector<ModelExtension> noises = process_noises(model);
-  out.insert(out.end(), noises.begin(), noises.end());
+  const double step = recordings[0].dt;
+  for (const std::vector<ModelExtension>& more :
+       {scales_and_delays(root, model, step), of_inputs(model, recordings[0]),
+        process_noises(model), coloured_process_noises(root, model, step)}) {
+    out.insert(out.end(), more.begin(), more.end());
+  }
   if (recordings.size() == 1) {
     const std::vector<ModelExtension> changes = noise_changes(model, recordings[0], filter);
     out.insert(out.end(), changes.begin(), changes.end());
@@ -299,7 +383,7 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
     if (step) as_formulas(out.model).longest_step = *step;
     const std::optional<double> L = fit_values(out.model, recordings);
     if (step) as_formulas(out.model).longest_step = 0.0;  // as accuracy needs, again
-    if (!L || !determines_biases(extension, out.model, recordings)) return std::nullopt;
+    if (!L || !determines_constants(extension, out.model, recordings)) return std::nullopt;
     out.log_likelihood = *L;
     return out;
   } catch (const InputError&) {

@@ -42,6 +42,9 @@ std::string continuous_text() {
 
 struct World {
   double bias = 0.0, lasting = 0.0;  // of sensor b
+  double scale = 1.0;                // of sensor b
+  double late = 0.0;                 // is sensor a [s]
+  double disturbance = 0.0;          // of v, for 3 s, beside its white noise
 };
 
 Dataset simulated(const World& world, std::uint64_t seed, Index rows = 600) {
@@ -53,14 +56,24 @@ Dataset simulated(const World& world, std::uint64_t seed, Index rows = 600) {
   out.y.resize(3, rows);
   out.u.resize(0, rows);
   out.outputs = {{"a", ""}, {"b", ""}, {"p", ""}};
-  double p = 0.5, v = 0.0, error = 0.0;
+  double p = 0.5, v = 0.0, error = 0.0, disturbance = 0.0;
+  std::vector<double> past;
   for (Index t = 0; t < rows; ++t) {
-    const auto measured = [&](double sd) { return p + sd * random.normal(); };
-    out.y.col(t) << measured(0.1), measured(0.3) + 0.1 * v + world.bias + error, measured(0.3);
+    past.push_back(p);
+    const auto before = static_cast<Index>(std::lround(world.late / out.dt));
+    const double seen = past[static_cast<std::size_t>(std::max<Index>(t - before, 0))];
+    const auto measured = [&](double of, double sd) { return of + sd * random.normal(); };
+    out.y.col(t) << measured(seen, 0.1),
+        world.scale * (measured(p, 0.3) + 0.1 * v) + world.bias + error, measured(p, 0.3);
     for (int i = 0; i < 10; ++i) {
       const double now = p;
       p += 0.01 * v;
-      v += 0.01 * (-0.3 * now - 0.2 * v) + 0.1 * 0.15 * random.normal();
+      v += 0.01 * (-0.3 * now - 0.2 * v + disturbance) + 0.1 * 0.15 * random.normal();
+    }
+    if (world.disturbance > 0.0) {
+      const double stay = std::exp(-0.1 / 3.0);
+      disturbance =
+          stay * disturbance + world.disturbance * std::sqrt(1.0 - stay * stay) * random.normal();
     }
     const double keep = std::exp(-0.1 / 1.5);
     error = keep * error + world.lasting * std::sqrt(1.0 - keep * keep) * random.normal();
@@ -68,11 +81,12 @@ Dataset simulated(const World& world, std::uint64_t seed, Index rows = 600) {
   return out;
 }
 
-ExtendResult run(const World& world, std::uint64_t seed, ExtendOptions options = {}) {
+ExtendResult run(const World& world, std::uint64_t seed, ExtendOptions options = {},
+                 Index rows = 600) {
   const YamlNode root = parse_yaml(continuous_text(), "two.yaml");
   options.search.starts = 1;
   options.search.profiles = false;
-  return tune_extended(root, model_of(root, "two.yaml"), {simulated(world, seed)}, options);
+  return tune_extended(root, model_of(root, "two.yaml"), {simulated(world, seed, rows)}, options);
 }
 
 std::string adopted(const ExtendResult& result) {
@@ -101,6 +115,85 @@ TEST(Extend, FindsAnErrorThatLasts) {
   EXPECT_EQ(adopted(result), "an error that lasts, of b");
   EXPECT_NE(result.text.find("error_b"), std::string::npos);
   EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
+}
+
+TEST(Extend, FindsTheScaleOfOneSensor) {
+  const ExtendResult result = run({.scale = 1.5}, 4, {}, 2000);
+  EXPECT_EQ(adopted(result), "a scale of b");
+  for (const EstimatedParameter& p : result.estimate.parameters) {
+    if (p.name == "scale_b") {
+      EXPECT_NEAR(p.value, 1.5, 3.5 * p.se);
+      EXPECT_LT(p.se, 0.15);
+    }
+  }
+  EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
+}
+
+TEST(Extend, FindsASensorThatIsLate) {
+  const ExtendResult result = run({.late = 0.3}, 5, {}, 2000);
+  EXPECT_EQ(adopted(result), "a delay of a");
+  for (const EstimatedParameter& p : result.estimate.parameters) {
+    if (p.name == "delay_a") {
+      EXPECT_NEAR(p.value, 0.3, 3.5 * p.se + 0.05);  // to first order in it
+      EXPECT_LT(p.se, 0.1);
+    }
+  }
+}
+
+TEST(Extend, FindsProcessNoiseThatIsNotWhite) {
+  const ExtendResult result = run({.disturbance = 1.0}, 6, {}, 2000);
+  EXPECT_EQ(adopted(result), "coloured process noise of v");
+  for (const EstimatedParameter& p : result.estimate.parameters) {
+    if (p.name == "tau_disturbance_v") {
+      EXPECT_NEAR(p.value, 3.0, 3.5 * p.se);
+    }
+    if (p.name == "sd_disturbance_v") {
+      EXPECT_NEAR(p.value, 1.0, 3.5 * p.se);
+    }
+  }
+  EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
+}
+
+// An angle by its gyro, whose bias the model lacks.
+TEST(Extend, FindsTheBiasOfAnInput) {
+  const YamlNode root = parse_yaml(R"(identikal: 1
+time: {kind: continuous, column: t, unit: s, step: 100 ms}
+parameters: {q: {value: 1e-4, min: 0}, r: {value: 0.01, min: 0}}
+states: {psi: rad}
+inputs: {gyro: {column: gyro, unit: rad/s}}
+let: {rate: 1*gyro}
+dynamics: {psi: rate}
+outputs: {level: {column: level, unit: rad, equals: psi}}
+noise: {process: {kind: density, variance: {psi: q}}, measurement: {variance: {level: r}}}
+initial: {mean: {psi: 0}, sd: {psi: 1}}
+)",
+                                   "level.yaml");
+  Dataset drive;
+  drive.name = "drive";
+  drive.dt = 0.1;
+  drive.time = Eigen::VectorXd::LinSpaced(1000, 0.0, 99.9);
+  drive.y.resize(1, 1000);
+  drive.u.resize(1, 1000);
+  drive.inputs = {{"gyro", ""}};
+  drive.outputs = {{"level", ""}};
+  Random random(7);
+  double psi = 0.0;
+  for (Index t = 0; t < 1000; ++t) {
+    const double rate = 0.3 * std::sin(0.05 * static_cast<double>(t));
+    drive.u(0, t) = rate + 0.2;
+    drive.y(0, t) = psi + 0.05 * random.normal();
+    psi += 0.1 * rate + 0.003 * random.normal();
+  }
+  ExtendOptions options;
+  options.search.starts = 1;
+  options.search.profiles = false;
+  const ExtendResult result = tune_extended(root, model_of(root, "level.yaml"), {drive}, options);
+  ASSERT_NE(result.text.find("gyro - bias_gyro"), std::string::npos) << result.text;
+  for (const EstimatedParameter& p : result.estimate.parameters) {
+    if (p.name == "bias_gyro") {
+      EXPECT_NEAR(p.value, 0.2, 3.5 * p.se + 0.01);
+    }
+  }
 }
 
 // Sensor a is ten times as noisy (in variance) from 60 s on.
@@ -207,6 +300,18 @@ TEST(Extension, SensorsOfOneKindShareTheirLastingError) {
   EXPECT_GE(find_parameter(model.parameters, "tau_errors"), 0);
 }
 
+TEST(Extension, ADelayIsThatOfTheStates) {
+  const YamlNode more = extended(parse_yaml(continuous_text(), "two.yaml"),
+                                 {ExtensionKind::delay, {"b"}, {0.1}}, 0.1);
+  EXPECT_NE(model_file_text(more).find("(p - delay_b*(v)) + 0.1*(v - delay_b*(-0.3*p - 0.2*v))"),
+            std::string::npos)
+      << model_file_text(more);
+  const YamlNode discrete =
+      parse_yaml(two_sensors("discrete", "dynamics: {p: p + 0.1*v, v: 0.9*v}\n"), "discrete.yaml");
+  EXPECT_FALSE(can_be_late(discrete, "a"));
+  EXPECT_THROW(extended(discrete, {ExtensionKind::delay, {"a"}, {0.1}}, 0.1), InputError);
+}
+
 // The others alone: of a sum of two diffuse states a recording says nothing.
 TEST(Extension, LastingErrorsOfADiffuseModelAreNotDiffuse) {
   std::string text = continuous_text();
@@ -232,7 +337,9 @@ initial: diffuse
   for (const ModelExtension& each :
        {ModelExtension{ExtensionKind::bias, {"speed"}, {0.1}},
         ModelExtension{ExtensionKind::lasting_error, {"speed"}, {0.1}},
+        ModelExtension{ExtensionKind::scale, {"speed"}, {0.1}},
         ModelExtension{ExtensionKind::process_noise, {"p"}, {0.1}},
+        ModelExtension{ExtensionKind::coloured_process_noise, {"v"}, {0.1}},
         ModelExtension{ExtensionKind::measurement_noise_change, {"speed"}, {4.0}, false, 3.0},
         ModelExtension{ExtensionKind::process_noise_change, {"process"}, {4.0}, false, 3.0}}) {
     const std::string text = model_file_text(extended(root, each, 0.02));
