@@ -12,8 +12,8 @@ enum class ExtensionKind {
   bias,           ///< a constant error of outputs or inputs, a parameter each
   scale,          ///< of outputs or inputs: a factor, a parameter each
   delay,          ///< of an output in continuous time: y(t) = h(x(t - d)), to first order in d
-  lasting_error,  ///< of outputs or inputs: e' = -e/tau + w, a state each (first-order Gauss-Markov)
-  process_noise,  ///< white noise in the dynamics of a state that has none
+  lasting_error,  ///< of outputs or inputs: e' = -e/tau + w, a state each (Gauss-Markov)
+  process_noise,             ///< white noise in the dynamics of a state that has none
   coloured_process_noise,    ///< in the dynamics of states that have white noise: d' = -d/tau + w
   measurement_noise_change,  ///< of outputs: from a time on all variances times a ratio
   process_noise_change,      ///< of all states that have process noise, likewise
@@ -28,8 +28,8 @@ struct ModelExtension {
   bool alike = false;              ///< what lasts: one deviation and time constant for all
   double from = 0.0;               ///< of a change: its time t, as the model's formulas have it [s]
 };
-/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx", "coloured process noise of
-/// vx, vy, alike", "another measurement noise of z from 120 s on".
+/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx", "coloured process noise
+/// of vx, vy, alike", "another measurement noise of z from 120 s on".
 std::string in_words(const ModelExtension& extension);
 
 /// Outputs whose measurement noise is written with the same variance, where that is not a number:
@@ -44,12 +44,12 @@ bool has_continuous_time(const YamlNode& model);
 /// Can it come late: is time continuous, and is it written in states and parameters alone?
 bool can_be_late(const YamlNode& model, const std::string& output);
 
-/// The tree of a model file with the further part, and parameters for it: bias_OUTPUT; scale_OUTPUT;
-/// delay_OUTPUT; sd_OUTPUT and tau_OUTPUT of a lasting error, whose state is error_OUTPUT (sd_errors
-/// and tau_errors of those that are alike); q_STATE; sd_disturbance_STATE and tau_disturbance_STATE of
-/// coloured process noise, whose state is disturbance_STATE (sd_disturbances and tau_disturbances);
-/// ratio_OUTPUT or ratio_process of a change, at the known time change_OUTPUT or change_process. What
-/// lasts begins with its own variance.
+/// The tree of a model file with the further part, and parameters for it: bias_OUTPUT;
+/// scale_OUTPUT; delay_OUTPUT; sd_OUTPUT and tau_OUTPUT of a lasting error, whose state is
+/// error_OUTPUT (sd_errors and tau_errors of those that are alike); q_STATE; sd_disturbance_STATE
+/// and tau_disturbance_STATE of coloured process noise, whose state is disturbance_STATE
+/// (sd_disturbances and tau_disturbances); ratio_OUTPUT or ratio_process of a change, at the known
+/// time change_OUTPUT or change_process. What lasts begins with its own variance.
 ///
 /// Example:
 ///

@@ -38,12 +38,13 @@ struct ExtendResult {
 
 /// Step by step: every extension that there is (biases of one output and of all, errors that last,
 /// those of sensors of one kind alike, scales and delays, the same of at most two inputs, process
-/// noise of states without any, coloured process noise, noise of another size from a time on; of more
-/// than four outputs all at once alone) is fitted to the first part of each recording by maximum
-/// likelihood, and predicts the last part, its filter going on from the first. Those pay whose gain is
-/// beyond 0.01 nats per row and 3 of its standard errors, or 2 where the first part asks for them by
-/// 10 nats more than BIC's penalty; of those that no other beats by 3, the one is adopted that the
-/// first part asks for by BIC. What is chosen is tuned on all rows, and judged by judge_by_expected_errors().
+/// noise of states without any, coloured process noise, noise of another size from a time on; of
+/// more than four outputs all at once alone) is fitted to the first part of each recording by
+/// maximum likelihood, and predicts the last part, its filter going on from the first. Those pay
+/// whose gain is beyond 0.01 nats per row and 3 of its standard errors, or 2 where the first part
+/// asks for them by 10 nats more than BIC's penalty; of those that no other beats by 3, the one is
+/// adopted that the first part asks for by BIC. What is chosen is tuned on all rows, and judged by
+/// judge_by_expected_errors().
 ///
 /// Example:
 ///

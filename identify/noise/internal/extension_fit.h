@@ -23,14 +23,13 @@ struct FittedModel {
 /// run or the recordings do not determine them. @return the log-likelihood
 std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings);
 
-/// The extensions that there are: a bias and an error that lasts of each output, where they are few,
-/// and of all of them; errors that last, alike, of outputs whose noise is written with the same
-/// variance; a scale and, in continuous time, a delay of each; bias, scale and lasting error of each input,
-/// where they are few; process noise of states without any, and
-/// coloured process noise of those that have some. Their sizes begin at half of the innovations'. And
-/// of one recording, whose innovations change their size: measurement noise, or process noise, that
-/// changes where they do.
-/// Nothing where the filter does not run.
+/// The extensions that there are: a bias and an error that lasts of each output, where they are
+/// few, and of all of them; errors that last, alike, of outputs whose noise is written with the
+/// same variance; a scale and, in continuous time, a delay of each; bias, scale and lasting error
+/// of each input, where they are few; process noise of states without any, and coloured process
+/// noise of those that have some. Their sizes begin at half of the innovations'. And of one
+/// recording, whose innovations change their size: measurement noise, or process noise, that
+/// changes where they do. Nothing where the filter does not run.
 std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
                                                 const std::vector<Dataset>& recordings);
 
