@@ -13,7 +13,7 @@ enum class ExtensionKind {
   scale,          ///< of outputs or inputs: a factor, a parameter each
   delay,          ///< of an output in continuous time: y(t) = h(x(t - d)), to first order in d
   lasting_error,  ///< of outputs or inputs: e' = -e/tau + w, a state each (Gauss-Markov)
-  process_noise,             ///< white noise in the dynamics of a state that has none
+  process_noise,  ///< white noise in the dynamics of a state that has none
   coloured_process_noise,    ///< in the dynamics of states that have white noise: d' = -d/tau + w
   measurement_noise_change,  ///< of outputs: from a time on all variances times a ratio
   process_noise_change,      ///< of all states that have process noise, likewise

@@ -116,18 +116,36 @@ struct Fitted {
   GainByRow gain;
   bool pays;
   std::size_t trial;
+  const ModelExtension* extension;
 };
+
+// Two sensors that differ by a constant: which of them is off is told by a third one, or by inputs.
+bool cannot_be_told_from(const Fitted& one, const Fitted& other) {
+  constexpr double kTold = 3.0;  // nats
+  const ExtensionKind kind = one.extension->kind;
+  const bool constant =
+      kind == ExtensionKind::bias || kind == ExtensionKind::scale || kind == ExtensionKind::delay;
+  return constant && other.extension->kind == kind && one.extension->names.size() == 1 &&
+         other.extension->names.size() == 1 && one.extension->names != other.extension->names &&
+         std::abs(one.candidate.criterion - other.candidate.criterion) < kTold;
+}
+
+bool cannot_be_told(const Fitted& one, const std::vector<Fitted>& fitted) {
+  return std::any_of(fitted.begin(), fitted.end(),
+                     [&](const Fitted& other) { return cannot_be_told_from(one, other); });
+}
 
 // Of those that pay and that none predicts better than, the one that the first part asks for, by BIC.
 std::optional<std::size_t> chosen_of(const std::vector<Fitted>& fitted) {
   const auto beaten = [&](const Fitted& each) {
     return std::any_of(fitted.begin(), fitted.end(), [&](const Fitted& other) {
-      return other.pays && pays(gain_of(other.candidate, each.candidate));
+      return other.pays && !cannot_be_told(other, fitted) &&
+             pays(gain_of(other.candidate, each.candidate));
     });
   };
   std::optional<std::size_t> out;
   for (std::size_t i = 0; i < fitted.size(); ++i) {
-    if (!fitted[i].pays || beaten(fitted[i])) continue;
+    if (!fitted[i].pays || beaten(fitted[i]) || cannot_be_told(fitted[i], fitted)) continue;
     if (!out || fitted[i].candidate.criterion > fitted[*out].candidate.criterion) out = i;
   }
   return out;
@@ -142,9 +160,10 @@ std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
                               std::isnan(trial.gain)
                                   ? "no filter, or no estimate"
                                   : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
-                              trial.adopted ? "  adopted"
-                              : trial.rival ? "  as good"
-                                            : ""));
+                              trial.adopted     ? "  adopted"
+                              : trial.ambiguous ? "  as good of another"
+                              : trial.rival     ? "  as good"
+                                                : ""));
   }
   return out;
 }
@@ -182,9 +201,12 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
         trial.gain = gain.mean;
         trial.gain_se = gain.se;
         const bool worth_it = pays(gain, *candidate, best);
-        fitted.push_back({std::move(*candidate), gain, worth_it, out.tried.size()});
+        fitted.push_back({std::move(*candidate), gain, worth_it, out.tried.size(), &all[i]});
       }
       out.tried.push_back(std::move(trial));
+    }
+    for (const Fitted& each : fitted) {
+      out.tried[each.trial].ambiguous = each.pays && cannot_be_told(each, fitted);
     }
     const auto chosen = chosen_of(fitted);
     if (!chosen) break;

@@ -27,6 +27,8 @@ struct ExtensionTrial {
   double gain = kNone;     ///< log-likelihood per held-out row; NaN: no filter, or not determined
   double gain_se = kNone;  ///< from its scatter between blocks of rows
   bool adopted = false;
+  bool ambiguous =
+      false;           ///< pays, and is as likely of another sensor: which one is off is not told
   bool rival = false;  ///< what was adopted in its place predicts no better, beyond chance
 };
 
@@ -43,7 +45,8 @@ struct ExtendResult {
 /// maximum likelihood, and predicts the last part, its filter going on from the first. Those pay
 /// whose gain is beyond 0.01 nats per row and 3 of its standard errors, or 2 where the first part
 /// asks for them by 10 nats more than BIC's penalty; of those that no other beats by 3, the one is
-/// adopted that the first part asks for by BIC. What is chosen is tuned on all rows, and judged by
+/// adopted that the first part asks for by BIC. A bias, scale or delay that is as likely of another
+/// sensor is not adopted. What is chosen is tuned on all rows, and judged by
 /// judge_by_expected_errors().
 ///
 /// Example:

@@ -129,6 +129,42 @@ TEST(Extend, FindsTheScaleOfOneSensor) {
   EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
 }
 
+// Two sensors of one state differ by a factor: either may be wrong, and nothing is adopted.
+TEST(Extend, WhichOfTwoSensorsIsOffIsNotTold) {
+  const YamlNode root = parse_yaml(R"(identikal: 1
+time: {kind: continuous, column: t, step: 0.1 s}
+parameters: {q: {value: 0.02, min: 0}, r: {value: 0.02, min: 0}}
+states: [p]
+dynamics: {p: -0.2*p}
+outputs: {a: {column: a, equals: p}, b: {column: b, equals: p}}
+noise: {process: {kind: density, variance: {p: q}}, measurement: {variance: {a: r, b: r}}}
+initial: {mean: {p: 0}, sd: {p: 1}}
+)",
+                                   "two.yaml");
+  Dataset drive = simulated({}, 1, 1500);
+  drive.y.conservativeResize(2, 1500);
+  drive.outputs.resize(2);
+  Random random(8);
+  double p = 0.0;
+  for (Index t = 0; t < 1500; ++t) {
+    p = 0.980198673 * p + 0.1 * random.normal();
+    drive.y.col(t) << p + 0.1 * random.normal(), 1.3 * p + 0.1 * random.normal();
+  }
+  ExtendOptions options;
+  options.search.starts = 1;
+  options.search.profiles = false;
+  options.most = 1;
+  const ExtendResult result = tune_extended(root, model_of(root, "two.yaml"), {drive}, options);
+  int ambiguous = 0;
+  for (const ExtensionTrial& trial : result.tried) {
+    if (trial.what.starts_with("a scale of ")) {
+      EXPECT_FALSE(trial.adopted) << trial.what;
+      ambiguous += trial.ambiguous ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(ambiguous, 2);
+}
+
 TEST(Extend, FindsASensorThatIsLate) {
   const ExtendResult result = run({.late = 0.3}, 5, {}, 2000);
   EXPECT_EQ(adopted(result), "a delay of a");
