@@ -114,20 +114,23 @@ std::optional<ExtendedModel> with_predictions(std::optional<FittedModel> fitted,
 struct Fitted {
   ExtendedModel candidate;
   GainByRow gain;
+  double asked_for;  // by the first part [nats]
   bool pays;
   std::size_t trial;
   const ModelExtension* extension;
 };
 
 // Two sensors that differ by a constant: which of them is off is told by a third one, or by inputs.
+// Innovations that are coloured count for more samples than they are: nats alone would tell.
 bool cannot_be_told_from(const Fitted& one, const Fitted& other) {
-  constexpr double kTold = 3.0;  // nats
+  constexpr double kNats = 3.0, kShare = 0.1;  // of what the likelier one gains
   const ExtensionKind kind = one.extension->kind;
   const bool constant =
       kind == ExtensionKind::bias || kind == ExtensionKind::scale || kind == ExtensionKind::delay;
   return constant && other.extension->kind == kind && one.extension->names.size() == 1 &&
          other.extension->names.size() == 1 && one.extension->names != other.extension->names &&
-         std::abs(one.candidate.criterion - other.candidate.criterion) < kTold;
+         std::abs(one.asked_for - other.asked_for) <
+             std::max(kNats, kShare * std::max(one.asked_for, other.asked_for));
 }
 
 bool cannot_be_told(const Fitted& one, const std::vector<Fitted>& fitted) {
@@ -201,7 +204,9 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
         trial.gain = gain.mean;
         trial.gain_se = gain.se;
         const bool worth_it = pays(gain, *candidate, best);
-        fitted.push_back({std::move(*candidate), gain, worth_it, out.tried.size(), &all[i]});
+        const double asked_for = candidate->criterion - best.criterion;
+        fitted.push_back(
+            {std::move(*candidate), gain, asked_for, worth_it, out.tried.size(), &all[i]});
       }
       out.tried.push_back(std::move(trial));
     }
