@@ -12,6 +12,7 @@
 #include "identify/model/heavy_tails.h"
 #include "identify/model/model_file.h"
 #include "identify/model/row_order.h"
+#include "identify/model/sensors.h"
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
 #include "identify/noise/bayes.h"
@@ -211,7 +212,7 @@ Outcome tune_further(const TuneOptions& options, const Run& run, Model model) {
     return report_progress(run.call, "trying " + what);
   };
   const std::string& path = options.model.file;
-  const YamlNode root = with_components(run.call.inputs.model_tree(path));
+  const YamlNode root = with_sensors(with_components(run.call.inputs.model_tree(path)));
   ExtendResult result = tune_extended(root, model, recordings.data, of_search);
   const auto estimate = std::make_shared<NoiseEstimate>(std::move(result.estimate));
   std::vector<ResultFile> files;
@@ -342,7 +343,7 @@ Outcome tune(const TuneOptions& options, Call& call) {
     NoiseEstimate out = method_of(options).run(options, of, recordings, run);
     if (weighs_further_parts(options, of) && innovations_contradict(out)) {
       const std::string& path = options.model.file;
-      const YamlNode root = with_components(call.inputs.model_tree(path));
+      const YamlNode root = with_sensors(with_components(call.inputs.model_tree(path)));
       ExpectedErrorsOptions further;
       further.threads = static_cast<int>(options.search.threads);
       further.progress = [&run](const ModelExtension& extension) {

@@ -87,7 +87,9 @@ std::string formula_of(const YamlNode& model, const std::string& output) {
 
 void write_output(YamlNode& model, const std::string& output, const std::string& formula) {
   YamlNode& node = named_part(value_at(model, "outputs"), output, "output");
-  value_at(node, "equals") = yaml_scalar(formula);
+  const YamlNode* before = find(node, "equals");
+  YamlNode written = yaml_scalar(formula, before != nullptr ? *before : node);
+  value_at(node, "equals") = std::move(written);
 }
 
 // Every name in a formula, as `with` has it.
@@ -390,7 +392,7 @@ bool can_be_late(const YamlNode& model, const std::string& output) {
 
 YamlNode extended(YamlNode model, const ModelExtension& extension, double step) {
   formulas_part(model, "dynamics");
-  formulas_part(model, "noise");
+  if (!is_constant(extension.kind)) formulas_part(model, "noise");
   if (extension.kind == ExtensionKind::lasting_error) add_lasting_errors(model, extension, step);
   if (extension.kind == ExtensionKind::coloured_process_noise)
     add_coloured_process_noise(model, extension, step);

@@ -19,6 +19,12 @@ enum class ExtensionKind {
   process_noise_change,      ///< of all states that have process noise, likewise
 };
 
+/// A parameter of what is measured, and no state: bias, scale, delay.
+inline bool is_constant(ExtensionKind kind) {
+  return kind == ExtensionKind::bias || kind == ExtensionKind::scale ||
+         kind == ExtensionKind::delay;
+}
+
 struct ModelExtension {
   ExtensionKind kind = ExtensionKind::bias;
   std::vector<std::string> names;  ///< outputs, inputs, or states

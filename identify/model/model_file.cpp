@@ -21,6 +21,7 @@
 #include "identify/model/matrix_reader.h"
 #include "identify/model/model_values.h"
 #include "identify/model/own_parameters.h"
+#include "identify/model/sensors.h"
 #include "identify/model/yaml_reader.h"
 #include "lib/base/nearest_name.h"
 #include "lib/data/units.h"
@@ -95,8 +96,9 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     }
   };
   if (is_linear(model)) {
-    refuse({"load_transfer", "max_gap", "roll", "sensors", "tyre"},
+    refuse({"load_transfer", "max_gap", "roll", "tyre"},
            "belongs to model: single-track");  // flags are both's
+    refuse({"sensors"}, "belongs to models of formulas and to model: single-track");
     refuse(kRegressionKeys, "belongs to model: regression");
     if (find(root, "dynamics") != nullptr || find(root, "states") != nullptr) {
       refuse({"A", "B", "C", "D"}, "is a duplicate of the formulas");
@@ -128,7 +130,7 @@ Model parse_model_file(const std::string& text, const std::string& path, Formula
 }
 
 Model model_of(const YamlNode& written, const std::string& path, FormulaReading reading) {
-  const YamlNode root = with_curves(with_components(with_still_state(written)));
+  const YamlNode root = with_curves(with_sensors(with_components(with_still_state(written))));
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());

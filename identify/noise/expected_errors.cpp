@@ -119,7 +119,9 @@ std::optional<Likelier> likelier_extension(const YamlNode& root, const Model& mo
   double least = bic_of(base, rows);
   std::optional<Likelier> out;
   const std::vector<ModelExtension> all = possible_extensions(root, base.model, first);
-  auto found = fit_extensions(base, all, first, options.threads, options.progress);
+  // Half of what BIC asks for one more parameter.
+  auto found =
+      fit_extensions(base, all, first, options.threads, options.progress, 0.25 * std::log(rows));
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!found[i] || !(bic_of(*found[i], rows) < least)) continue;
     least = bic_of(*found[i], rows);

@@ -125,9 +125,7 @@ struct Fitted {
 bool cannot_be_told_from(const Fitted& one, const Fitted& other) {
   constexpr double kNats = 3.0, kShare = 0.1;  // of what the likelier one gains
   const ExtensionKind kind = one.extension->kind;
-  const bool constant =
-      kind == ExtensionKind::bias || kind == ExtensionKind::scale || kind == ExtensionKind::delay;
-  return constant && other.extension->kind == kind && one.extension->names.size() == 1 &&
+  return is_constant(kind) && other.extension->kind == kind && one.extension->names.size() == 1 &&
          other.extension->names.size() == 1 && one.extension->names != other.extension->names &&
          std::abs(one.asked_for - other.asked_for) <
              std::max(kNats, kShare * std::max(one.asked_for, other.asked_for));

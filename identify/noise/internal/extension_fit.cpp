@@ -54,6 +54,17 @@ bool determines(const LikelihoodProblem& problem, const VectorXd& x) {
   return inside.empty() || scaled_inverse(information(inside, inside), kFlat).has_value();
 }
 
+// Half of the score statistic s' I^-1 s: what a search from there gains where the log-likelihood is
+// a parabola. Infinite where it is not known.
+double predicted_gain(const LikelihoodProblem& problem, const VectorXd& x) {
+  double value = 0.0;
+  VectorXd score;
+  MatrixXd information;
+  if (!problem.evaluate(x, value, &score, &information)) return HUGE_VAL;
+  const std::optional<MatrixXd> covariance = scaled_inverse(information, kFlat);
+  return covariance ? 0.5 * score.dot(*covariance * score) : HUGE_VAL;
+}
+
 // How well is a scalar parameter known with the others? Infinite where it is none, fixed, or unknown.
 double standard_error_of(const std::string& name, const Model& model,
                          const std::vector<Dataset>& recordings) {
@@ -74,11 +85,10 @@ double standard_error_of(const std::string& name, const Model& model,
 bool determines_constants(const ModelExtension& extension, const Model& model,
                           const std::vector<Dataset>& recordings) {
   constexpr double kKnown = 10.0;  // of the size where its search began
+  if (!is_constant(extension.kind)) return true;
   const char* of = extension.kind == ExtensionKind::bias    ? "bias_"
                    : extension.kind == ExtensionKind::scale ? "scale_"
-                   : extension.kind == ExtensionKind::delay ? "delay_"
-                                                            : nullptr;
-  if (of == nullptr) return true;
+                                                            : "delay_";
   for (std::size_t i = 0; i < extension.names.size(); ++i) {
     const double se = standard_error_of(of + extension.names[i], model, recordings);
     if (!(se < kKnown * extension.size[i])) return false;
@@ -324,11 +334,16 @@ std::optional<double> shared_step(const Model& model, const std::vector<Dataset>
 
 }  // namespace
 
-std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings) {
+std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings,
+                                 double least_gain) {
   RecordingsLikelihood likelihood(model, recordings);
   if (likelihood.status_at_start() != FilterStatus::ok) return std::nullopt;
   likelihood.condition_on_beginning();
   likelihood.weigh_by_priors();
+  if (least_gain > 0.0 &&
+      predicted_gain(likelihood.problem(), coordinates(model.parameters)) < least_gain) {
+    return std::nullopt;
+  }
   SolverOptions solver;
   solver.max_iterations = 40;
   solver.decrement_tolerance = 1e-4;
@@ -371,7 +386,8 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
 }
 
 std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExtension& extension,
-                                         const std::vector<Dataset>& recordings) {
+                                         const std::vector<Dataset>& recordings,
+                                         double least_gain) {
   try {
     FittedModel out;
     out.root = extended(base.root, extension, recordings[0].dt);
@@ -381,7 +397,8 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
     const std::optional<double> step =
         is_linear(out.model) ? std::nullopt : shared_step(base.model, recordings);
     if (step) as_formulas(out.model).longest_step = *step;
-    const std::optional<double> L = fit_values(out.model, recordings);
+    const std::optional<double> L =
+        fit_values(out.model, recordings, is_constant(extension.kind) ? least_gain : 0.0);
     if (step) as_formulas(out.model).longest_step = 0.0;  // as accuracy needs, again
     if (!L || !determines_constants(extension, out.model, recordings)) return std::nullopt;
     out.log_likelihood = *L;
@@ -396,7 +413,7 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
 std::vector<std::optional<FittedModel>> fit_extensions(
     const FittedModel& base, const std::vector<ModelExtension>& extensions,
     const std::vector<Dataset>& recordings, int threads,
-    const std::function<bool(const ModelExtension& extension)>& progress) {
+    const std::function<bool(const ModelExtension& extension)>& progress, double least_gain) {
   std::vector<std::optional<FittedModel>> out(extensions.size());
   std::mutex mutex;
   bool stopped = false;
@@ -407,7 +424,7 @@ std::vector<std::optional<FittedModel>> fit_extensions(
       stopped = stopped || (progress && !progress(extensions[i]));
       if (stopped) return;
     }
-    out[i] = fit_extension(base, extensions[i], recordings);
+    out[i] = fit_extension(base, extensions[i], recordings, least_gain);
   });
   return out;
 }

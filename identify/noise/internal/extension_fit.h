@@ -20,8 +20,11 @@ struct FittedModel {
 };
 
 /// The free parameters of the model become the likeliest; nothing changes where the filter does not
-/// run or the recordings do not determine them. @return the log-likelihood
-std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings);
+/// run or the recordings do not determine them, or the score where they are promises less.
+/// @param least_gain  [nats]; 0: whatever it promises
+/// @return the log-likelihood
+std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings,
+                                 double least_gain = 0.0);
 
 /// The extensions that there are: a bias and an error that lasts of each output, where they are
 /// few, and of all of them; errors that last, alike, of outputs whose noise is written with the
@@ -34,9 +37,11 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
                                                 const std::vector<Dataset>& recordings);
 
 /// The model with one more part, fitted from the values of `base`; nothing where it does not go
-/// with it, or the recordings do not determine it.
+/// with it, or the recordings do not determine it. `base` is at its maximum.
+/// @param least_gain  a bias, scale or delay whose score promises less is not fitted [nats]
 std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExtension& extension,
-                                         const std::vector<Dataset>& recordings);
+                                         const std::vector<Dataset>& recordings,
+                                         double least_gain = 0.0);
 
 /// The same of each, some at a time; what comes out does not depend on how many.
 /// @param threads   0: as many as there are cores
@@ -45,6 +50,6 @@ std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExt
 std::vector<std::optional<FittedModel>> fit_extensions(
     const FittedModel& base, const std::vector<ModelExtension>& extensions,
     const std::vector<Dataset>& recordings, int threads,
-    const std::function<bool(const ModelExtension& extension)>& progress);
+    const std::function<bool(const ModelExtension& extension)>& progress, double least_gain = 0.0);
 
 }  // namespace identikal
