@@ -9,10 +9,10 @@ case "${1-}" in
   --slow) slow=yes ;;
   *) echo "test.sh: unknown option '$1'; expected nothing or --slow" >&2; exit 2 ;;
 esac
-./prepare.sh $(cat packages.txt) libgtest-dev libgmock-dev libbenchmark-dev clang clang-format libclang-rt-dev lld \
+./prepare.sh $(cat packages.txt) libgtest-dev libgmock-dev libbenchmark-dev clang-format \
   python3 python3-numpy python3-dev pybind11-dev pkg-config
-# What tests alone take comes while the compiler works.
-./prepare.sh python3-jsonschema python3-pytest python3-pandas python3-matplotlib python3-setuptools python3-wheel python3-pip \
+# What tests and sanitizers alone take comes while the compiler works.
+./prepare.sh clang libclang-rt-dev lld python3-jsonschema python3-pytest python3-pandas python3-matplotlib python3-setuptools python3-wheel python3-pip \
   chromium chromium-driver &
 of_tests=$!
 
