@@ -1,6 +1,6 @@
 """Do the installed headers stand on their own, and bring nothing but Eigen and the standard library?
 
-public_headers.py COMPILER EIGEN_INCLUDE HEADER...: copies the headers to a folder of their own and compiles them there,
+public_headers.py COMPILER EIGEN_INCLUDE HEADER...: with clang++ where it is installed, copies the headers to a folder of their own and compiles them there,
 each alone, or as the first include of its own .cpp in the build, which is the same. Whatever file they read has to be
 one of them, or one that Eigen and the standard headers read anyway."""
 import concurrent.futures
@@ -13,6 +13,7 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 compiler, eigen, *headers = sys.argv[1:]
+compiler = shutil.which("clang++") or compiler
 faults = []
 
 
