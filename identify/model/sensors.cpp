@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,52 +46,76 @@ double step_of(const YamlNode& root, const YamlNode& sensor) {
                    "time: {step: 0.1 s}");
 }
 
-void write_parameter(YamlNode& root, const std::string& name, const YamlNode& given) {
-  if (given.kind == Kind::scalar && given.text == "free") return;
-  value_at(value_at(root, "parameters"), name) = given;
+// Takes a parameter out of the file's own; nothing where it has none of that name.
+std::optional<YamlNode> take_parameter(YamlNode& root, const std::string& name) {
+  if (find(root, "parameters") == nullptr) return std::nullopt;
+  YamlNode& all = value_at(root, "parameters");
+  for (std::size_t i = 0; i < all.keys.size(); ++i) {
+    if (all.keys[i].text != name) continue;
+    YamlNode out = all.items[i];
+    all.keys.erase(all.keys.begin() + static_cast<std::ptrdiff_t>(i));
+    all.items.erase(all.items.begin() + static_cast<std::ptrdiff_t>(i));
+    return out;
+  }
+  return std::nullopt;
 }
 
-void refuse_taken(const YamlNode& root, const std::string& name, const YamlNode& given) {
-  for (const char* key : {"parameters", "dynamics"}) {
-    const YamlNode* part = find(root, key);
-    if (part == nullptr || part->kind != Kind::mapping || find(*part, name) == nullptr) continue;
-    throw InputError(given.at, fmt::format("makes '{}', which {} have already", name, key),
-                     "one of both");
+// What the second one says of a parameter, and what it leaves to the first.
+void say_more(YamlNode& parameter, const YamlNode& more) {
+  if (more.kind != Kind::mapping || parameter.kind != Kind::mapping) {
+    parameter = more;
+    return;
   }
+  for (std::size_t i = 0; i < more.keys.size(); ++i) {
+    value_at(parameter, more.keys[i].text) = more.items[i];
+  }
+}
+
+// @param given  under `sensors`, may be null
+// @param own    under `parameters`: goes first
+void write_parameter(YamlNode& root, const std::string& name, const YamlNode* given,
+                     const std::optional<YamlNode>& own) {
+  YamlNode& parameter = value_at(value_at(root, "parameters"), name);
+  const bool free = given == nullptr || (given->kind == Kind::scalar && given->text == "free");
+  if (!free) say_more(parameter, *given);
+  if (own) say_more(parameter, *own);
 }
 
 // A bias, scale or delay.
 YamlNode with_constant(YamlNode root, ExtensionKind kind, const std::string& name,
                        const std::string& channel, const YamlNode& given) {
-  refuse_taken(root, name, given);
   if (kind == ExtensionKind::delay &&
       (find(*find(root, "outputs"), channel) == nullptr || !can_be_late(root, channel))) {
     throw InputError(given.at, fmt::format("a delay of '{}'", channel),
                      "continuous time, and an output that is written in states and parameters; an "
                      "input has its own `delay: NAME`");
   }
+  const std::optional<YamlNode> own = take_parameter(root, name);
   root = extended(std::move(root), {kind, {channel}, {1.0}}, 1.0);
-  write_parameter(root, name, given);
+  write_parameter(root, name, &given, own);
   return root;
 }
 
 YamlNode with_lasting_error(YamlNode root, const std::string& channel, const YamlNode& given) {
   const std::string sd = "sd_" + channel, tau = "tau_" + channel;
-  for (const std::string& name : {sd, tau, "error_" + channel}) refuse_taken(root, name, given);
+  if (find(*find(root, "dynamics"), "error_" + channel) != nullptr) {
+    throw InputError(given.at, fmt::format("makes a state 'error_{}', which is there", channel),
+                     "one of both");
+  }
   const YamlNode* outputs = find(root, "outputs");
   const YamlNode* node = find(*outputs, channel);
   if (node == nullptr) node = find(*find(root, "inputs"), channel);
   const YamlNode* unit = find(*node, "unit");
   const double one = unit_or_dimensionless(unit != nullptr ? unit->text : "").scale;
   const double step = step_of(root, given);
+  const std::optional<YamlNode> own_sd = take_parameter(root, sd),
+                                own_tau = take_parameter(root, tau);
   root = extended(std::move(root), {ExtensionKind::lasting_error, {channel}, {one}}, step);
-  if (given.kind == Kind::scalar) {
-    word_of(given, "error", {"markov"});
-    return root;
-  }
-  check_keys(given, "error", {"sd", "tau"});
-  if (const YamlNode* size = find(given, "sd")) write_parameter(root, sd, *size);
-  if (const YamlNode* time = find(given, "tau")) write_parameter(root, tau, *time);
+  const bool by_name = given.kind == Kind::scalar;
+  if (by_name) word_of(given, "error", {"markov"});
+  if (!by_name) check_keys(given, "error", {"sd", "tau"});
+  write_parameter(root, sd, by_name ? nullptr : find(given, "sd"), own_sd);
+  write_parameter(root, tau, by_name ? nullptr : find(given, "tau"), own_tau);
   return root;
 }
 

@@ -9,9 +9,10 @@ namespace identikal {
 ///
 ///     y(t) = scale h(x(t - delay)) + bias + e(t),   e' = -e/tau + w,   sd(e) = sd
 ///
-/// of an output; what acts is (u - bias - e)/scale of an input u, which has no delay here. Each is a
-/// number, `free`, or what a parameter may be (`{value: 0.1 m, min: 0}`); `error` is `markov`, with
-/// both of its numbers free, or a mapping of `sd` and `tau`. Any other model is returned as it is.
+/// of an output; of an input u what acts is (u - bias - e)/scale, and no delay. Each is a number,
+/// `free`, or what a parameter may be (`{value: 0.1 m, min: 0}`); `error` is `markov`, with both of
+/// its numbers free, or a mapping of `sd` and `tau`. What `parameters` says of one of them, by its
+/// name (bias_z, sd_z), goes first. Any other model is returned as it is.
 ///
 /// Example:
 ///
@@ -19,8 +20,8 @@ namespace identikal {
 ///     const Model model = model_of(root, "tracker.yaml");
 ///     std::printf("%zu parameters\n", model.parameters.size());
 ///
-/// @throws InputError for what is neither an input nor an output, an unknown key, a parameter or a
-///   state that is there already, a delay that cannot be (extended())
+/// @throws InputError for what is neither an input nor an output, an unknown key, a state that
+///   is there already, a delay that cannot be (extended())
 YamlNode with_sensors(YamlNode root);
 
 }  // namespace identikal

@@ -100,6 +100,21 @@ TEST(SensorsByName, MarkovIsBothNumbersFree) {
   EXPECT_EQ(model.states.size(), 3u);
 }
 
+TEST(SensorsByName, ParametersGoFirst) {
+  std::string text = tracker(kPlain, "sensors: {z: {bias: {value: 3 m, max: 5}, error: markov}}\n");
+  text.replace(text.find("parameters: {"), 13,
+               "parameters: {bias_z: {value: 1 m}, tau_z: {value: 8 s}, sd_z: 0.25 m, ");
+  const Model model = modelled(text);
+  const auto named = [&](const char* name) {
+    return model.parameters.at(static_cast<std::size_t>(find_parameter(model.parameters, name)));
+  };
+  EXPECT_EQ(named("bias_z").scalar(), 1.0);
+  EXPECT_EQ(named("bias_z").max, 5.0);
+  EXPECT_EQ(named("tau_z").scalar(), 8.0);
+  EXPECT_NEAR(named("tau_z").min, 0.2, 1e-12);
+  EXPECT_TRUE(named("sd_z").fixed);
+}
+
 TEST(SensorsByName, SayWhatIsWrong) {
   const auto with = [](const std::string& sensors) {
     return refusal(tracker(kPlain, "sensors: " + sensors + "\n"));
@@ -116,9 +131,9 @@ TEST(SensorsByName, SayWhatIsWrong) {
   EXPECT_NE(
       refusal(tracker(kPlain, "sensors: {z: {delay: free}}\n", "discrete")).find("a delay of 'z'"),
       std::string::npos);
-  std::string taken = tracker(kPlain, "sensors: {z: {bias: free}}\n");
-  taken.replace(taken.find("parameters: {"), 13, "parameters: {bias_z: 1 m, ");
-  EXPECT_NE(refusal(taken).find("makes 'bias_z', which parameters have already"), std::string::npos)
+  std::string taken = tracker(kPlain, "sensors: {z: {error: markov}}\n");
+  taken.replace(taken.find("dynamics: {"), 11, "dynamics: {error_z: 0, ");
+  EXPECT_NE(refusal(taken).find("makes a state 'error_z', which is there"), std::string::npos)
       << refusal(taken);
   EXPECT_NE(refusal("identikal: 1\ntime: {step: 1 s}\nA: [[0.9]]\nC: [[1]]\nQ: [[1]]\nR: [[1]]\n"
                     "outputs: [{name: y}]\nsensors: {y: {bias: free}}\n")

@@ -108,6 +108,35 @@ outputs: {r: {column: r}}
   EXPECT_THAT(*text, HasSubstr("  Cf: {value: 91.5 kN/rad}\n  Cr: 8e4 N/rad\n"));
 }
 
+// Their parameters stand in front of the file's own, and keep the bounds that `sensors` gives them.
+TEST(EstimatedModel, SensorsByName) {
+  const StoredEstimate e = estimate_with(
+      R"(identikal: 1
+time: {kind: continuous, step: 0.1 s}
+parameters: {q: {value: 1, min: 0}}
+states: [p]
+dynamics: {p: -p}
+outputs: {z: {column: z, equals: p}}
+sensors: {z: {bias: {value: 1, max: 5}, error: markov}}
+noise: {process: {kind: density, variance: {p: q}}, measurement: {variance: {z: 0.1}}}
+initial: stationary
+)",
+      {estimated("q", 0.5), estimated("bias_z", 2.5), estimated("sd_z", 0.25),
+       estimated("tau_z", 7.0)});
+  const auto text = estimated_model_text(e, "result.json");
+  ASSERT_TRUE(text);
+  const Model model = parse_model_file(*text, "again.yaml");
+  ASSERT_EQ(model.parameters.size(), 4u);
+  for (const Parameter& p : model.parameters) {
+    if (p.name == "bias_z") {
+      EXPECT_EQ(p.scalar(), 2.5);
+      EXPECT_EQ(p.max, 5.0);
+    }
+    EXPECT_EQ(p.name == "sd_z" ? p.min : 0.0, 0.0);
+    EXPECT_EQ(p.name == "tau_z" ? p.scalar() : 7.0, 7.0);
+  }
+}
+
 TEST(EstimatedModel, RefusesWhatIsNotOfTheModel) {
   StoredEstimate e = estimate_with(kTwoStates +
                                        "Q: [[1, 0], [0, 1]]\nR: [[1]]\noutputs: [{name: y, "
