@@ -112,20 +112,27 @@ std::string with_names(const std::string& formula, const With& with) {
   return out;
 }
 
+// Of a curve or a table: in what it is over.
+void write_name(YamlNode& formula, const std::string& name, const std::string& by) {
+  if (formula.kind == Kind::scalar) {
+    const auto with = [&](const std::string& part) { return part == name ? by : part; };
+    formula = yaml_scalar(with_names(formula.text, with), formula);
+  }
+  for (std::size_t i = 0; i < formula.items.size(); ++i) {
+    const bool over = formula.kind == Kind::list || formula.keys[i].text == "spline" ||
+                      formula.keys[i].text == "table";
+    if (over) write_name(formula.items[i], name, by);
+  }
+}
+
 // In every formula of the motion and of what is measured.
 void write_input(YamlNode& model, const std::string& input, const std::string& formula) {
-  const auto rewrite = [&](YamlNode& node) {
-    node = yaml_scalar(
-        with_names(node.text,
-                   [&](const std::string& part) { return part == input ? formula : part; }),
-        node);
-  };
   for (const char* key : {"dynamics", "let"}) {
     if (find(model, key) == nullptr) continue;
-    for (YamlNode& each : value_at(model, key).items) rewrite(each);
+    for (YamlNode& each : value_at(model, key).items) write_name(each, input, formula);
   }
   for (YamlNode& each : value_at(model, "outputs").items) {
-    if (find(each, "equals") != nullptr) rewrite(value_at(each, "equals"));
+    if (find(each, "equals") != nullptr) write_name(value_at(each, "equals"), input, formula);
   }
 }
 

@@ -348,6 +348,27 @@ TEST(Extension, ADelayIsThatOfTheStates) {
   EXPECT_THROW(extended(discrete, {ExtensionKind::delay, {"a"}, {0.1}}, 0.1), InputError);
 }
 
+TEST(Extension, AnInputIsCorrectedInsideOfCurvesToo) {
+  const YamlNode root = parse_yaml(R"(identikal: 1
+time: {kind: continuous, step: 0.1 s}
+parameters: {q: {value: 1, min: 0}}
+states: [p]
+inputs: {u: {column: u}}
+let: {f: {spline: 2*u, knots: [-1, 0, 1]}, both: {table: [u, p], knots: [[0, 1], [0, 1]]}}
+dynamics: {p: f - both + 1e-3*u}
+outputs: {z: {column: z, equals: p}}
+noise: {process: {kind: density, variance: {p: q}}, measurement: {variance: {z: 0.1}}}
+initial: {mean: {p: 0}, sd: {p: 1}}
+)",
+                                   "curve.yaml");
+  const YamlNode more = extended(root, {ExtensionKind::bias, {"u"}, {0.1}}, 0.1);
+  const std::string text = model_file_text(more);
+  for (const char* part : {"2*(u - bias_u)", "(u - bias_u)\", p]", "1e-3*(u - bias_u)"}) {
+    EXPECT_NE(text.find(part), std::string::npos) << part << " in " << text;
+  }
+  EXPECT_NO_THROW(parse_model_file(text, "more.yaml")) << text;
+}
+
 // The others alone: of a sum of two diffuse states a recording says nothing.
 TEST(Extension, LastingErrorsOfADiffuseModelAreNotDiffuse) {
   std::string text = continuous_text();
