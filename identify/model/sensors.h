@@ -16,9 +16,8 @@ namespace identikal {
 ///
 /// Example:
 ///
-///     const YamlNode root = with_sensors(parse_yaml(text, "tracker.yaml"));
-///     const Model model = model_of(root, "tracker.yaml");
-///     std::printf("%zu parameters\n", model.parameters.size());
+///     const YamlNode root = with_sensors(read_yaml("tracker.yaml"));
+///     std::printf("%zu parameters\n", find(root, "parameters")->keys.size());
 ///
 /// @throws InputError for what is neither an input nor an output, an unknown key, a state that
 ///   is there already, a delay that cannot be (extended())
