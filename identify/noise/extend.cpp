@@ -87,7 +87,7 @@ bool pays(const GainByRow& gain) {
   return gain.mean > kStandardErrors * gain.se && gain.mean > kLeastGain;
 }
 
-// A gain that the part on which nothing was fitted confirms needs not be shown by that part alone.
+// Where the fitted part asks for it clearly, the held-out part has to confirm it, not to show it alone.
 bool pays(const GainByRow& gain, const ExtendedModel& more, const ExtendedModel& less) {
   return pays(gain) || (more.criterion > less.criterion + kAskedFor &&
                         gain.mean > kWithFirstPart * gain.se && gain.mean > kLeastGain);
