@@ -63,6 +63,9 @@ bool can_be_late(const YamlNode& model, const std::string& output);
 ///     const YamlNode more = extended(root, {ExtensionKind::bias, {"z"}, {0.1}}, 0.1);
 ///     std::puts(model_file_text(more).c_str());
 ///
+/// Source: Singer (1970), "Estimating optimal tracking filter performance for manned maneuvering
+/// targets", IEEE Trans. Aerospace and Electronic Systems 6 (coloured process noise of a tracker).
+///
 /// @param step  the sampling period [s]
 /// @throws InputError where the tree is not that of formulas, or a name is taken
 YamlNode extended(YamlNode model, const ModelExtension& extension, double step);
