@@ -257,8 +257,9 @@ void add_scale(YamlNode& model, const std::string& channel) {
 // x(t - d) = x(t) - d x'(t), to first order.
 void add_delay(YamlNode& model, const std::string& output) {
   if (!can_be_late(model, output)) {
-    throw InputError(model.at, fmt::format("'{}' with a delay", output),
-                     "continuous time, and an output that is written in states and parameters");
+    throw InputError(
+        model.at, fmt::format("'{}' with a delay", output),
+        "continuous time, and an output that is written in states that move and parameters");
   }
   const std::string name = unused(model, "delay_" + output);
   const YamlNode* states = find(model, "states");
@@ -383,18 +384,21 @@ bool has_continuous_time(const YamlNode& model) {
 
 bool can_be_late(const YamlNode& model, const std::string& output) {
   if (!has_continuous_time(model)) return false;
-  bool out = true;
+  const YamlNode& dynamics = formulas_part(model, "dynamics");
+  bool known = true, moves = false;
   with_names(formula_of(model, output), [&](const std::string& part) {
+    const YamlNode* slope = find(dynamics, part);
+    moves = moves || (slope != nullptr && slope->text != "0");
     for (const char* key : {"inputs", "let"}) {
       const YamlNode* names = find(model, key);
       if (names == nullptr) continue;
       const std::vector<YamlNode>& all = names->kind == Kind::list ? names->items : names->keys;
-      out = out && std::none_of(all.begin(), all.end(),
-                                [&](const YamlNode& each) { return each.text == part; });
+      known = known && std::none_of(all.begin(), all.end(),
+                                    [&](const YamlNode& each) { return each.text == part; });
     }
     return part;
   });
-  return out;
+  return known && moves;
 }
 
 YamlNode extended(YamlNode model, const ModelExtension& extension, double step) {

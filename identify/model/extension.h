@@ -47,7 +47,8 @@ std::vector<std::vector<std::string>> states_alike(const YamlNode& model);
 
 bool has_continuous_time(const YamlNode& model);
 
-/// Can it come late: is time continuous, and is it written in states and parameters alone?
+/// Can it come late: is time continuous, and is it written in states, of which some move without
+/// noise, and parameters alone?
 bool can_be_late(const YamlNode& model, const std::string& output);
 
 /// The tree of a model file with the further part, and parameters for it: bias_OUTPUT;

@@ -68,6 +68,9 @@ void say_more(YamlNode& parameter, const YamlNode& more) {
   }
   for (std::size_t i = 0; i < more.keys.size(); ++i) {
     value_at(parameter, more.keys[i].text) = more.items[i];
+    for (YamlNode& key : parameter.keys) {
+      if (key.text == more.keys[i].text) key.at = more.keys[i].at;  // for messages
+    }
   }
 }
 
@@ -87,8 +90,8 @@ YamlNode with_constant(YamlNode root, ExtensionKind kind, const std::string& nam
   if (kind == ExtensionKind::delay &&
       (find(*find(root, "outputs"), channel) == nullptr || !can_be_late(root, channel))) {
     throw InputError(given.at, fmt::format("a delay of '{}'", channel),
-                     "continuous time, and an output that is written in states and parameters; an "
-                     "input has its own `delay: NAME`");
+                     "continuous time, and an output that is written in states that move and "
+                     "parameters; an input has its own `delay: NAME`");
   }
   const std::optional<YamlNode> own = take_parameter(root, name);
   root = extended(std::move(root), {kind, {channel}, {1.0}}, 1.0);

@@ -125,12 +125,18 @@ TEST(SensorsByName, SayWhatIsWrong) {
   EXPECT_NE(with("{z: {error: white}}").find("markov"), std::string::npos);
   EXPECT_NE(with("{z: {error: {sd: free, tu: 1 s}}}").find("tu"), std::string::npos);
   EXPECT_NE(with("{a: {delay: free}}").find("a delay of 'a'"), std::string::npos);
+  EXPECT_NE(with("{z: {bias: {vlue: 3 m}}}").find("tracker.yaml:11:22: unknown key 'vlue'"),
+            std::string::npos)
+      << with("{z: {bias: {vlue: 3 m}}}");
   EXPECT_NE(with("{z: {bias: 3 s}}").find("tracker.yaml:8:"), std::string::npos)
       << with("{z: {bias: 3 s}}");
   EXPECT_NE(with("[z]"), "");
   EXPECT_NE(
       refusal(tracker(kPlain, "sensors: {z: {delay: free}}\n", "discrete")).find("a delay of 'z'"),
       std::string::npos);
+  std::string still = tracker(kPlain, "sensors: {z: {delay: free}}\n");
+  still.replace(still.find("p: v,"), 5, "p: 0,");
+  EXPECT_NE(refusal(still).find("a delay of 'z'"), std::string::npos) << refusal(still);
   std::string taken = tracker(kPlain, "sensors: {z: {error: markov}}\n");
   taken.replace(taken.find("dynamics: {"), 11, "dynamics: {error_z: 0, ");
   EXPECT_NE(refusal(taken).find("makes a state 'error_z', which is there"), std::string::npos)
