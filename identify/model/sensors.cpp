@@ -152,6 +152,8 @@ YamlNode with_sensors(YamlNode root) {
   }
   const YamlNode sensors = *written;
   check_mapping(sensors, "sensors");
+  if (const YamlNode* parameters = find(root, "parameters"))
+    check_mapping(*parameters, "parameters");
   const auto at = static_cast<std::ptrdiff_t>(written - root.items.data());
   root.items.erase(root.items.begin() + at);
   root.keys.erase(root.keys.begin() + at);

@@ -131,6 +131,10 @@ TEST(SensorsByName, SayWhatIsWrong) {
   EXPECT_NE(with("{z: {bias: 3 s}}").find("tracker.yaml:8:"), std::string::npos)
       << with("{z: {bias: 3 s}}");
   EXPECT_NE(with("[z]"), "");
+  std::string list = tracker(kPlain, "sensors: {z: {bias: free}}\n");
+  const std::size_t begin = list.find("parameters:");
+  list.replace(begin, list.find('\n', begin) - begin, "parameters: [1, 2]");
+  EXPECT_NE(refusal(list).find("parameters is a list"), std::string::npos) << refusal(list);
   EXPECT_NE(
       refusal(tracker(kPlain, "sensors: {z: {delay: free}}\n", "discrete")).find("a delay of 'z'"),
       std::string::npos);
