@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/model/internal/yaml_tree.h"
+#include "identify/model/matrix_reader.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -95,9 +96,7 @@ void write_output(YamlNode& model, const std::string& output, const std::string&
 // Every name in a formula, as `with` has it.
 template <typename With>
 std::string with_names(const std::string& formula, const With& with) {
-  const auto begins = [](char c) {
-    return std::isalpha(static_cast<unsigned char>(c)) || c == '_';
-  };
+  const auto begins = [](char c) { return is_name({&c, 1}); };
   const auto goes_on = [&](char c) {
     return begins(c) || std::isdigit(static_cast<unsigned char>(c)) || c == '.';
   };

@@ -27,8 +27,8 @@ struct ExtensionTrial {
   double gain = kNone;     ///< log-likelihood per held-out row; NaN: no filter, or not determined
   double gain_se = kNone;  ///< from its scatter between blocks of rows
   bool adopted = false;
-  bool ambiguous =
-      false;           ///< pays, and is as likely of another sensor: which one is off is not told
+  /// Pays, and is as likely of another sensor: nothing says which one is off.
+  bool ambiguous = false;
   bool rival = false;  ///< what was adopted in its place predicts no better, beyond chance
 };
 

@@ -329,6 +329,13 @@ TEST(Extension, ADelayIsThatOfTheStates) {
   EXPECT_NE(model_file_text(more).find("(p - delay_b*(v)) + 0.1*(v - delay_b*(-0.3*p - 0.2*v))"),
             std::string::npos)
       << model_file_text(more);
+  std::string greek = continuous_text();
+  greek.replace(greek.find("p + 0.1*v"), 9, "pψ + ψ");
+  greek.replace(greek.find("dynamics: {"), 11, "dynamics: {pψ: p, ψ: v, ");
+  const YamlNode late =
+      extended(parse_yaml(greek, "two.yaml"), {ExtensionKind::delay, {"b"}, {0.1}}, 0.1);
+  EXPECT_NE(model_file_text(late).find("(pψ - delay_b*(p)) + (ψ - delay_b*(v))"), std::string::npos)
+      << model_file_text(late);
   const YamlNode discrete =
       parse_yaml(two_sensors("discrete", "dynamics: {p: p + 0.1*v, v: 0.9*v}\n"), "discrete.yaml");
   EXPECT_FALSE(can_be_late(discrete, "a"));
