@@ -59,6 +59,7 @@ struct VehicleModel {
   double steering_steps = 0.0;  ///< of the sensor, bridged [rad]; 0: taken as exact
   double steering_noise = 0.0;  ///< white, of the sensor, corrected for [rad]; 0: none known
   TyreCurve curve = TyreCurve::linear;  ///< of both axles
+  std::optional<double> front_drive;    ///< share of the front axle in the drive; nothing: unknown
   RegressionModel tracking;             ///< forgetting, memory and reset of `track`
 };
 

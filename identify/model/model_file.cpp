@@ -33,8 +33,8 @@ const std::vector<std::string> kCommonKeys = {
     "identikal", "name",     "model",     "time",    "parameters", "inputs",     "outputs",
     "noise",     "use_when", "reference", "include", "recordings", "constraints"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
-const std::vector<std::string> kVehicleKeys = {"flags", "load_transfer", "max_gap",
-                                               "roll",  "sensors",       "tyre"};
+const std::vector<std::string> kVehicleKeys = {"driven_axle", "flags",   "load_transfer", "max_gap",
+                                               "roll",        "sensors", "tyre"};
 const std::vector<std::string> kRegressionKeys = {"regression"};
 const std::vector<std::string> kFormulaKeys = {"states", "let", "dynamics", "doses"};
 
@@ -96,7 +96,7 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     }
   };
   if (is_linear(model)) {
-    refuse({"load_transfer", "max_gap", "roll", "tyre"},
+    refuse({"driven_axle", "load_transfer", "max_gap", "roll", "tyre"},
            "belongs to model: single-track");  // flags are both's
     refuse({"sensors"}, "belongs to models of formulas and to model: single-track");
     refuse(kRegressionKeys, "belongs to model: regression");

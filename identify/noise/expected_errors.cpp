@@ -95,11 +95,6 @@ std::vector<Dataset> first_rows(const std::vector<Dataset>& recordings) {
   return out;
 }
 
-double bic_of(const FittedModel& fitted, double rows) {
-  const auto unknowns = static_cast<double>(free_entries(fitted.model.parameters).size());
-  return unknowns * std::log(rows) - 2.0 * fitted.log_likelihood;
-}
-
 struct Likelier {
   std::string what;
   Model model;
@@ -110,24 +105,14 @@ std::optional<Likelier> likelier_extension(const YamlNode& root, const Model& mo
                                            const std::vector<Dataset>& recordings,
                                            const ExpectedErrorsOptions& options) {
   const std::vector<Dataset> first = first_rows(recordings);
-  double rows = 0.0;
-  for (const Dataset& data : first) rows += static_cast<double>(data.size());
   FittedModel base{root, model, 0.0};
   const auto L = fit_values(base.model, first);
   if (!L) return std::nullopt;
   base.log_likelihood = *L;
-  double least = bic_of(base, rows);
-  std::optional<Likelier> out;
   const std::vector<ModelExtension> all = possible_extensions(root, base.model, first);
-  // Half of what BIC asks for one more parameter.
-  auto found =
-      fit_extensions(base, all, first, options.threads, options.progress, 0.25 * std::log(rows));
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (!found[i] || !(bic_of(*found[i], rows) < least)) continue;
-    least = bic_of(*found[i], rows);
-    out = Likelier{in_words(all[i]), std::move(found[i]->model)};
-  }
-  return out;
+  auto found = likeliest_extension(base, all, first, options.threads, options.progress);
+  if (!found) return std::nullopt;
+  return Likelier{in_words(all[found->which]), std::move(found->fitted.model)};
 }
 
 // The mean-square error of the states by what the innovations' own past, or inputs, explain of

@@ -292,6 +292,7 @@ VehicleUnknowns vehicle_unknowns(const Model& model) {
   VehicleUnknowns out;
   out.value = neutral_vehicle();
   out.curve = as_vehicle(model).curve;
+  out.front_drive = as_vehicle(model).front_drive;
   std::vector<std::size_t> unknown;
   bool searches_relaxation = false;
   for (std::size_t i = 0; i < model.parameters.size(); ++i) {

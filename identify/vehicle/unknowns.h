@@ -1,6 +1,7 @@
 // What is unknown about the car: which parameters are free, from where, and within which bounds?
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -22,6 +23,7 @@ struct VehicleUnknowns {
   Eigen::VectorXd lower, upper;        ///< bounds of the free ones
   Eigen::VectorXd scale;               ///< typical size of the free ones, for the optimiser
   TyreCurve curve = TyreCurve::linear;
+  std::optional<double> front_drive;  ///< share of the front axle in the drive, where it is known
   Constraints constraints;  ///< between parameters of the model file
   Eigen::VectorXd stated;   ///< values of those, in the user's terms, SI; of free ones the starts
 

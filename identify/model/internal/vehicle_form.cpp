@@ -514,6 +514,10 @@ void read_vehicle(const YamlNode& root, Model& out) {
     vehicle.curve =
         *tyre_curve(word_of(curve, "curve", {"linear", "tanh", "fiala", "magic-formula"}));
   }
+  if (const YamlNode* axle = find(root, "driven_axle")) {
+    const std::string& word = word_of(*axle, "driven_axle", {"front", "rear", "both"});
+    vehicle.front_drive = word == "front" ? 1.0 : word == "rear" ? 0.0 : 0.5;
+  }
   out.parameters = read_vehicle_parameters(root, vehicle.steering_at_road_wheel, vehicle.curve);
 
   read_flags(root, out);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <mutex>
 #include <stdexcept>
 #include <string>
@@ -332,22 +333,165 @@ std::optional<double> shared_step(const Model& model, const std::vector<Dataset>
   return out;
 }
 
+constexpr int kMostIterations = 40;
+
+SolverOptions until_nothing_counts(int iterations) {
+  SolverOptions out;
+  out.max_iterations = iterations;
+  out.decrement_tolerance = 1e-4;
+  return out;
+}
+
+// An extended model while it is searched.
+struct Search {
+  FittedModel fitted;                                // at where the search is
+  std::unique_ptr<RecordingsLikelihood> likelihood;  // of the model in `fitted`
+  VectorXd x;
+  double expected_gain = kInfinity;
+  bool ended = false;
+};
+
+// Nothing where the extension does not go with the model, or its score promises too little.
+// @param step  of the integration, shared_step() of the base
+std::unique_ptr<Search> begin_search(const FittedModel& base, const ModelExtension& extension,
+                                     const std::vector<Dataset>& recordings,
+                                     std::optional<double> step, double least_gain) {
+  try {
+    auto out = std::make_unique<Search>();
+    FittedModel& fitted = out->fitted;
+    fitted.root = extended(base.root, extension, recordings[0].dt);
+    fitted.model = model_of(fitted.root, base.model.source);
+    take_values(base.model, fitted.model);
+    fitted.model = checked(std::move(fitted.model), recordings);
+    if (step) as_formulas(fitted.model).longest_step = *step;
+    out->likelihood = std::make_unique<RecordingsLikelihood>(fitted.model, recordings);
+    if (out->likelihood->status_at_start() != FilterStatus::ok) return nullptr;
+    out->likelihood->condition_on_beginning();
+    out->likelihood->weigh_by_priors();
+    out->x = coordinates(fitted.model.parameters);
+    if (is_constant(extension.kind) && least_gain > 0.0 &&
+        predicted_gain(out->likelihood->problem(), out->x) < least_gain) {
+      return nullptr;
+    }
+    return out;
+  } catch (const InputError&) {
+    return nullptr;  // units that do not fit, no named noise, a start of another kind
+  } catch (const std::invalid_argument&) {
+    return nullptr;  // noise that is zero changes by no ratio
+  }
+}
+
+void go_on(Search& search, int iterations) {
+  const Solution end =
+      maximise(search.likelihood->problem(), search.x, until_nothing_counts(iterations));
+  search.x = end.x;
+  search.fitted.log_likelihood = end.summary.objective;
+  search.expected_gain = end.summary.expected_gain;
+  search.ended = end.summary.termination != Termination::iteration_limit;
+}
+
+// Nothing where the recordings do not determine what was found.
+std::optional<FittedModel> found_by(const Search& search, const FittedModel& base,
+                                    const ModelExtension& extension,
+                                    const std::vector<Dataset>& recordings) {
+  if (!std::isfinite(search.fitted.log_likelihood) ||
+      !determines(search.likelihood->problem(), search.x)) {
+    return std::nullopt;
+  }
+  FittedModel out = search.fitted;
+  out.model.parameters = with_coordinates(out.model.parameters, search.x);
+  if (!is_linear(out.model) && !is_linear(base.model)) {
+    as_formulas(out.model).longest_step = as_formulas(base.model).longest_step;
+  }
+  if (!determines_constants(extension, out.model, recordings)) return std::nullopt;
+  return out;
+}
+
+// Tells of each task's extension before it is done; false once the listener wants no more.
+class Told {
+ public:
+  explicit Told(const std::function<bool(const ModelExtension& extension)>& progress)
+      : progress_(progress) {}
+  bool goes_on(const ModelExtension& extension) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopped_ = stopped_ || (progress_ && !progress_(extension));
+    return !stopped_;
+  }
+  bool stopped() const { return stopped_; }
+
+ private:
+  const std::function<bool(const ModelExtension& extension)>& progress_;
+  std::mutex mutex_;
+  bool stopped_ = false;
+};
+
+// Lets all searches go on together, and leaves out those that the best is out of reach of.
+class Race {
+ public:
+  Race(const std::vector<ModelExtension>& extensions, double log_rows, double to_beat)
+      : extensions_(extensions), log_rows_(log_rows), to_beat_(to_beat) {}
+
+  double criterion(const Search& search) const {
+    const auto unknowns = static_cast<double>(free_entries(search.fitted.model.parameters).size());
+    return search.fitted.log_likelihood - 0.5 * log_rows_ * unknowns;
+  }
+
+  // @return the best of those that have not lost; -1: none
+  int run(std::vector<std::unique_ptr<Search>>& searches, int threads, Told& told) {
+    constexpr int kRounds[] = {3, 5, 8, kMostIterations - 16};
+    std::vector<bool> lost(searches.size(), false);
+    for (const int iterations : kRounds) {
+      in_parallel(static_cast<int>(searches.size()), threads, [&](int task) {
+        const auto i = static_cast<std::size_t>(task);
+        if (!searches[i] || searches[i]->ended || lost[i]) return;
+        if (told.goes_on(extensions_[i])) go_on(*searches[i], iterations);
+      });
+      const int first = best(searches, lost);
+      if (first < 0 || told.stopped()) return -1;
+      const double least =
+          std::max(to_beat_, criterion(*searches[static_cast<std::size_t>(first)]));
+      for (std::size_t i = 0; i < searches.size(); ++i) {
+        lost[i] = lost[i] || !searches[i] || out_of_reach(*searches[i], least);
+      }
+    }
+    return best(searches, lost);
+  }
+
+ private:
+  // Far from the maximum a quadratic is wrong by factors, mostly too much.
+  bool out_of_reach(const Search& search, double least) const {
+    constexpr double kOften = 5.0, kNats = 3.0;
+    const double hoped = search.ended ? 0.0 : kOften * search.expected_gain + kNats;
+    return !(criterion(search) + hoped >= least);
+  }
+
+  int best(const std::vector<std::unique_ptr<Search>>& searches,
+           const std::vector<bool>& lost) const {
+    int out = -1;
+    for (std::size_t i = 0; i < searches.size(); ++i) {
+      if (!searches[i] || lost[i] || std::isnan(searches[i]->fitted.log_likelihood)) continue;
+      if (out >= 0 &&
+          !(criterion(*searches[i]) > criterion(*searches[static_cast<std::size_t>(out)]))) {
+        continue;
+      }
+      out = static_cast<int>(i);
+    }
+    return out;
+  }
+
+  const std::vector<ModelExtension>& extensions_;
+  double log_rows_, to_beat_;
+};
+
 }  // namespace
 
-std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings,
-                                 double least_gain) {
+std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings) {
   RecordingsLikelihood likelihood(model, recordings);
   if (likelihood.status_at_start() != FilterStatus::ok) return std::nullopt;
   likelihood.condition_on_beginning();
   likelihood.weigh_by_priors();
-  if (least_gain > 0.0 &&
-      predicted_gain(likelihood.problem(), coordinates(model.parameters)) < least_gain) {
-    return std::nullopt;
-  }
-  SolverOptions solver;
-  solver.max_iterations = 40;
-  solver.decrement_tolerance = 1e-4;
-  const Solution end = maximise(likelihood.problem(), coordinates(model.parameters), solver);
+  const Solution end = maximise(likelihood.problem(), coordinates(model.parameters),
+                                until_nothing_counts(kMostIterations));
   if (!std::isfinite(end.summary.objective) || !determines(likelihood.problem(), end.x)) {
     return std::nullopt;
   }
@@ -385,48 +529,51 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
   return out;
 }
 
-std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExtension& extension,
-                                         const std::vector<Dataset>& recordings,
-                                         double least_gain) {
-  try {
-    FittedModel out;
-    out.root = extended(base.root, extension, recordings[0].dt);
-    out.model = model_of(out.root, base.model.source);
-    take_values(base.model, out.model);
-    out.model = checked(std::move(out.model), recordings);
-    const std::optional<double> step =
-        is_linear(out.model) ? std::nullopt : shared_step(base.model, recordings);
-    if (step) as_formulas(out.model).longest_step = *step;
-    const std::optional<double> L =
-        fit_values(out.model, recordings, is_constant(extension.kind) ? least_gain : 0.0);
-    if (step) as_formulas(out.model).longest_step = 0.0;  // as accuracy needs, again
-    if (!L || !determines_constants(extension, out.model, recordings)) return std::nullopt;
-    out.log_likelihood = *L;
-    return out;
-  } catch (const InputError&) {
-    return std::nullopt;  // units that do not fit, no named noise, a start of another kind
-  } catch (const std::invalid_argument&) {
-    return std::nullopt;  // noise that is zero changes by no ratio
-  }
-}
-
 std::vector<std::optional<FittedModel>> fit_extensions(
     const FittedModel& base, const std::vector<ModelExtension>& extensions,
     const std::vector<Dataset>& recordings, int threads,
-    const std::function<bool(const ModelExtension& extension)>& progress, double least_gain) {
+    const std::function<bool(const ModelExtension& extension)>& progress) {
   std::vector<std::optional<FittedModel>> out(extensions.size());
-  std::mutex mutex;
-  bool stopped = false;
+  Told told(progress);
+  const std::optional<double> step = shared_step(base.model, recordings);
   in_parallel(static_cast<int>(extensions.size()), threads, [&](int task) {
     const auto i = static_cast<std::size_t>(task);
-    {
-      const std::lock_guard<std::mutex> lock(mutex);
-      stopped = stopped || (progress && !progress(extensions[i]));
-      if (stopped) return;
-    }
-    out[i] = fit_extension(base, extensions[i], recordings, least_gain);
+    if (!told.goes_on(extensions[i])) return;
+    const std::unique_ptr<Search> search = begin_search(base, extensions[i], recordings, step, 0.0);
+    if (!search) return;
+    go_on(*search, kMostIterations);
+    out[i] = found_by(*search, base, extensions[i], recordings);
   });
   return out;
+}
+
+std::optional<LikeliestExtension> likeliest_extension(
+    const FittedModel& base, const std::vector<ModelExtension>& extensions,
+    const std::vector<Dataset>& recordings, int threads,
+    const std::function<bool(const ModelExtension& extension)>& progress) {
+  double rows = 0.0;
+  for (const Dataset& data : recordings) rows += static_cast<double>(data.size());
+  Told told(progress);
+  const std::optional<double> step = shared_step(base.model, recordings);
+  std::vector<std::unique_ptr<Search>> searches(extensions.size());
+  in_parallel(static_cast<int>(extensions.size()), threads, [&](int task) {
+    const auto i = static_cast<std::size_t>(task);
+    if (!told.goes_on(extensions[i])) return;
+    searches[i] = begin_search(base, extensions[i], recordings, step, 0.25 * std::log(rows));
+  });
+  const double unknowns = static_cast<double>(free_entries(base.model.parameters).size());
+  const double to_beat = base.log_likelihood - 0.5 * std::log(rows) * unknowns;
+  Race race(extensions, std::log(rows), to_beat);
+  while (true) {
+    const int first = race.run(searches, threads, told);
+    if (first < 0) return std::nullopt;
+    const auto i = static_cast<std::size_t>(first);
+    if (!(race.criterion(*searches[i]) > to_beat)) return std::nullopt;
+    if (auto found = found_by(*searches[i], base, extensions[i], recordings)) {
+      return LikeliestExtension{i, std::move(*found)};
+    }
+    searches[i].reset();  // what it was better than may be determined
+  }
 }
 
 }  // namespace identikal

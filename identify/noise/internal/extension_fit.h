@@ -20,11 +20,9 @@ struct FittedModel {
 };
 
 /// The free parameters of the model become the likeliest; nothing changes where the filter does not
-/// run or the recordings do not determine them, or the score where they are promises less.
-/// @param least_gain  [nats]; 0: whatever it promises
+/// run or the recordings do not determine them.
 /// @return the log-likelihood
-std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings,
-                                 double least_gain = 0.0);
+std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings);
 
 /// The extensions that there are: a bias and an error that lasts of each output, where they are
 /// few, and of all of them; errors that last, alike, of outputs whose noise is written with the
@@ -36,20 +34,30 @@ std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recor
 std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
                                                 const std::vector<Dataset>& recordings);
 
-/// The model with one more part, fitted from the values of `base`; nothing where it does not go
-/// with it, or the recordings do not determine it. `base` is at its maximum.
-/// @param least_gain  a bias, scale or delay whose score promises less is not fitted [nats]
-std::optional<FittedModel> fit_extension(const FittedModel& base, const ModelExtension& extension,
-                                         const std::vector<Dataset>& recordings,
-                                         double least_gain = 0.0);
-
-/// The same of each, some at a time; what comes out does not depend on how many.
+/// The model with each of the further parts, fitted from the values of `base`, some at a time; what
+/// comes out does not depend on how many. Nothing where a part does not go with the model, or the
+/// recordings do not determine it.
+/// @param base      at its maximum
 /// @param threads   0: as many as there are cores
 /// @param progress  told of each as it begins; where it returns false no further one begins, and
 ///   those have nothing. Empty: nobody is told
 std::vector<std::optional<FittedModel>> fit_extensions(
     const FittedModel& base, const std::vector<ModelExtension>& extensions,
     const std::vector<Dataset>& recordings, int threads,
-    const std::function<bool(const ModelExtension& extension)>& progress, double least_gain = 0.0);
+    const std::function<bool(const ModelExtension& extension)>& progress);
+
+struct LikeliestExtension {
+  std::size_t which;
+  FittedModel fitted;
+};
+
+/// Of the same the one with the least BIC, if that is below that of `base`. All are searched side by
+/// side, a few steps at a time, and those that can hardly reach the best any more are left; a bias,
+/// scale or delay whose score promises less than half of BIC's penalty is not searched at all.
+/// @return nothing, too, where progress() has stopped it
+std::optional<LikeliestExtension> likeliest_extension(
+    const FittedModel& base, const std::vector<ModelExtension>& extensions,
+    const std::vector<Dataset>& recordings, int threads,
+    const std::function<bool(const ModelExtension& extension)>& progress);
 
 }  // namespace identikal

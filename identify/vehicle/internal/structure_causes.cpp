@@ -104,10 +104,17 @@ class StudyUnknowns {
       add_effect(kRearSoftening, 0.0, 0.15, "", gently, false);
     }
     if (wide_angle(problem_, p_)) {
-      add_effect(kFrontDrive, 0.5, 0.35, "", "which axle drives");
-      all.back().upper = 1.0;
+      add_drive();
     }
     add_sensor_effects(wheelbase);
+  }
+
+  /// The driven wheels are known where the file says so; brakes and drag are on the others too.
+  void add_drive() {
+    const std::optional<double>& known = problem_.unknowns.front_drive;
+    add_effect(kFrontDrive, known.value_or(0.5), known ? 0.1 : 0.35, "",
+               known ? "a coasting drive" : "`driven_axle` in the model file");
+    all.back().upper = 1.0;
   }
 
   /// @param front, rear  slip angles that may come by roll, over lateral acceleration

@@ -55,7 +55,8 @@ const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
     "include, recordings, constraints, A, B, C, "
     "D, G, Q, "
-    "R, S, initial, flags, load_transfer, max_gap, roll, sensors, tyre, regression, states, let, "
+    "R, S, initial, driven_axle, flags, load_transfer, max_gap, roll, sensors, tyre, regression, "
+    "states, let, "
     "dynamics, "
     "doses";
 const std::string kVehicleKeys =
@@ -938,6 +939,8 @@ constexpr Mistake kVehicleMistakes[] = {
      "4:29: kind is 'density'; expected per-sample"},
     {"model: single-track", "model: single-track\nnoise: {measurement: {kind: per-sample}}",
      "4:22: 'sd' is missing in measurement; expected sd: {r: 0.01 rad/s}"},
+    {"model: single-track", "model: single-track\ndriven_axle: middle",
+     "4:14: driven_axle is 'middle'; expected one of front, rear, both"},
 };
 
 TEST_F(ModelFileTest, EveryMistakeIsNamedWithItsPlace) {

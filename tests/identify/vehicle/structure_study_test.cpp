@@ -176,6 +176,12 @@ TEST(StructureStudy, TightTurnsAreNoOtherCar) {
   EXPECT_THAT(fit.notes, ::testing::Contains(HasSubstr("the road wheels turn by up to 16.4 deg")));
   EXPECT_NEAR(fit.simulation[0].rmse, 0.003, 0.0002);
   EXPECT_NEAR(derived(fit, "front drive")->value, 1.0, 0.2);
+  Model front = sladka2010_model({"r", "ay"});
+  as_vehicle(front).front_drive = 1.0;
+  VehicleFitOptions options;
+  options.structure = Structure::automatic;
+  const VehicleEstimate told = fit_vehicle(front, data, options);
+  EXPECT_LT(parameter(told, "Cf").se, parameter(fit, "Cf").se);
   for (const auto& [name, truth] : {std::pair{"Cf", 88107.7}, {"Cr", 88107.7}, {"Iz", 2319.0}}) {
     EXPECT_LT(std::abs(z_of(fit, name, truth)), 2.6) << name;
   }
