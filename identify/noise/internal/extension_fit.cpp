@@ -438,7 +438,7 @@ class Race {
 
   // @return the best of those that have not lost; -1: none
   int run(std::vector<std::unique_ptr<Search>>& searches, int threads, Told& told) {
-    constexpr int kRounds[] = {3, 5, 8, kMostIterations - 16};
+    constexpr int kRounds[] = {2, 4, 8, kMostIterations - 14};
     std::vector<bool> lost(searches.size(), false);
     for (const int iterations : kRounds) {
       in_parallel(static_cast<int>(searches.size()), threads, [&](int task) {
