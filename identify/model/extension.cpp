@@ -243,6 +243,23 @@ void add_coloured_process_noise(YamlNode& model, const ModelExtension& extension
   }
 }
 
+// As the names of parameters have two outputs.
+std::string joined(const ModelExtension& two) { return two.names[0] + "_" + two.names[1]; }
+
+void add_opposite_scales(YamlNode& model, const ModelExtension& two) {
+  const std::string name = unused(model, "scale_" + joined(two));
+  add_parameter(model, name, 1.0, "", std::nullopt);
+  write_output(model, two.names[0], name + "*(" + formula_of(model, two.names[0]) + ")");
+  write_output(model, two.names[1], "(" + formula_of(model, two.names[1]) + ")/" + name);
+}
+
+void add_opposite_biases(YamlNode& model, const ModelExtension& two) {
+  const std::string name = unused(model, "bias_" + joined(two));
+  add_parameter(model, name, 0.0, unit_of(model, two.names[0]), std::nullopt);
+  write_output(model, two.names[0], "(" + formula_of(model, two.names[0]) + ") + " + name);
+  write_output(model, two.names[1], "(" + formula_of(model, two.names[1]) + ") - " + name);
+}
+
 void add_scale(YamlNode& model, const std::string& channel) {
   const std::string name = unused(model, "scale_" + channel);
   add_parameter(model, name, 1.0, "", std::nullopt);
@@ -341,11 +358,21 @@ std::vector<std::vector<std::string>> alike(const YamlNode& model, const char* o
   return out;
 }
 
+// Of two outputs in opposite directions.
+bool is_opposite(const ModelExtension& extension) {
+  return extension.alike && is_constant(extension.kind) && extension.names.size() == 2;
+}
+
 }  // namespace
 
 std::string in_words(const ModelExtension& extension) {
   const std::string names = fmt::format("{}", fmt::join(extension.names, ", "));
   const bool several = extension.names.size() > 1;
+  if (is_opposite(extension)) {
+    return fmt::format("a {} between {} and {}, half of it in each",
+                       extension.kind == ExtensionKind::bias ? "difference" : "ratio",
+                       extension.names[0], extension.names[1]);
+  }
   switch (extension.kind) {
     case ExtensionKind::bias:
       return (several ? "biases of " : "a bias of ") + names;
@@ -406,6 +433,11 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
   if (extension.kind == ExtensionKind::lasting_error) add_lasting_errors(model, extension, step);
   if (extension.kind == ExtensionKind::coloured_process_noise)
     add_coloured_process_noise(model, extension, step);
+  if (is_opposite(extension)) {
+    const bool bias = extension.kind == ExtensionKind::bias;
+    bias ? add_opposite_biases(model, extension) : add_opposite_scales(model, extension);
+    return model;
+  }
   for (std::size_t i = 0; i < extension.names.size(); ++i) {
     const std::string& name = extension.names[i];
     const double size = extension.size[i];

@@ -31,10 +31,12 @@ struct ModelExtension {
   std::vector<double> size;        ///< a standard deviation each, where a search begins, SI; of a
                                    ///< change the ratio of variances; of a scale and a delay [s]
                                    ///< what is little for it
-  bool alike = false;              ///< what lasts: one deviation and time constant for all
+  /// What lasts: one deviation and time constant for all. Bias and scale of two outputs: as much of
+  /// each, in opposite directions.
+  bool alike = false;
   double from = 0.0;               ///< of a change: its time t, as the model's formulas have it [s]
 };
-/// "biases of d0, d1", "an error that lasts, of z", "process noise of vx", "coloured process noise
+/// "biases of d0, d1", "a ratio between r0 and r1, half of it in each", "an error that lasts, of z", "process noise of vx", "coloured process noise
 /// of vx, vy, alike", "another measurement noise of z from 120 s on".
 std::string in_words(const ModelExtension& extension);
 
@@ -52,7 +54,8 @@ bool has_continuous_time(const YamlNode& model);
 bool can_be_late(const YamlNode& model, const std::string& output);
 
 /// The tree of a model file with the further part, and parameters for it: bias_OUTPUT;
-/// scale_OUTPUT; delay_OUTPUT; sd_OUTPUT and tau_OUTPUT of a lasting error, whose state is
+/// scale_OUTPUT; delay_OUTPUT; bias_OUTPUT_OTHER and scale_OUTPUT_OTHER, by which the other is off the
+/// other way (minus the one, over the other); sd_OUTPUT and tau_OUTPUT of a lasting error, whose state is
 /// error_OUTPUT (sd_errors and tau_errors of those that are alike); q_STATE; sd_disturbance_STATE
 /// and tau_disturbance_STATE of coloured process noise, whose state is disturbance_STATE
 /// (sd_disturbances and tau_disturbances); ratio_OUTPUT or ratio_process of a change, at the known

@@ -90,8 +90,13 @@ bool determines_constants(const ModelExtension& extension, const Model& model,
   const char* of = extension.kind == ExtensionKind::bias    ? "bias_"
                    : extension.kind == ExtensionKind::scale ? "scale_"
                                                             : "delay_";
-  for (std::size_t i = 0; i < extension.names.size(); ++i) {
-    const double se = standard_error_of(of + extension.names[i], model, recordings);
+  const std::vector<std::string>& names = extension.names;
+  if (extension.alike) {
+    const std::string two = of + names[0] + "_" + names[1];
+    return standard_error_of(two, model, recordings) < kKnown * extension.size[0];
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const double se = standard_error_of(of + names[i], model, recordings);
     if (!(se < kKnown * extension.size[i])) return false;
   }
   return true;

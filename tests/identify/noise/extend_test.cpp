@@ -142,9 +142,8 @@ TEST(Extend, FindsTheScaleOfOneSensor) {
   EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
 }
 
-// Two sensors of one state differ by a factor: either may be wrong, and nothing is adopted.
-TEST(Extend, WhichOfTwoSensorsIsOffIsNotTold) {
-  const YamlNode root = parse_yaml(R"(identikal: 1
+// Two sensors of one state.
+const char* const kTwoAlike = R"(identikal: 1
 time: {kind: continuous, column: t, step: 0.1 s}
 parameters: {q: {value: 0.02, min: 0}, r: {value: 0.02, min: 0}}
 states: [p]
@@ -152,28 +151,62 @@ dynamics: {p: -0.2*p}
 outputs: {a: {column: a, equals: p}, b: {column: b, equals: p}}
 noise: {process: {kind: density, variance: {p: q}}, measurement: {variance: {a: r, b: r}}}
 initial: {mean: {p: 0}, sd: {p: 1}}
-)",
-                                   "two.yaml");
-  Dataset drive = simulated({}, 1, 1500);
-  drive.y.conservativeResize(2, 1500);
-  drive.outputs.resize(2);
+)";
+
+// @param scale    of b
+// @param lasting  sd of errors of both, for 1.5 s
+// @param wild     every so many samples of a are off by ten standard deviations; 0: none
+Dataset of_two_alike(double scale, double lasting, Index wild) {
+  Dataset out = simulated({}, 1, 1500);
+  out.y.conservativeResize(2, 1500);
+  out.outputs.resize(2);
   Random random(8);
+  const double keep = std::exp(-0.1 / 1.5), push = lasting * std::sqrt(1.0 - keep * keep);
   double p = 0.0;
+  Eigen::Vector2d error(0.0, 0.0);
   for (Index t = 0; t < 1500; ++t) {
     p = 0.980198673 * p + 0.1 * random.normal();
-    drive.y.col(t) << p + 0.1 * random.normal(), 1.3 * p + 0.1 * random.normal();
+    out.y.col(t) << p + 0.1 * random.normal(), scale * p + 0.1 * random.normal();
+    if (lasting > 0.0) {
+      error = keep * error + push * Eigen::Vector2d(random.normal(), random.normal());
+      out.y.col(t) += error;
+    }
+    if (wild > 0 && t % wild == 0) out.y(0, t) += t % 2 == 0 ? 1.0 : -1.0;
   }
+  return out;
+}
+
+ExtendResult with_one_part(const Dataset& data) {
+  const YamlNode root = parse_yaml(kTwoAlike, "two.yaml");
   ExtendOptions options = with_one_start();
   options.most = 1;
-  const ExtendResult result = tune_extended(root, model_of(root, "two.yaml"), {drive}, options);
+  return tune_extended(root, model_of(root, "two.yaml"), {data}, options);
+}
+
+// Either may be wrong by a factor: half of it, in opposite directions, moves the state by neither.
+TEST(Extend, WhichOfTwoSensorsIsOffIsNotTold) {
+  const ExtendResult result = with_one_part(of_two_alike(1.3, 0.0, 0));
   int ambiguous = 0;
   for (const ExtensionTrial& trial : result.tried) {
-    if (trial.what.starts_with("a scale of ")) {
-      EXPECT_FALSE(trial.adopted) << trial.what;
-      ambiguous += trial.ambiguous ? 1 : 0;
-    }
+    if (trial.what.starts_with("a scale of ")) ambiguous += trial.ambiguous ? 1 : 0;
   }
   EXPECT_EQ(ambiguous, 2);
+  EXPECT_EQ(adopted(result), "a ratio between a and b, half of it in each");
+  expect_value(result, "scale_a_b", 1.0 / std::sqrt(1.3), 0.02);
+  EXPECT_NE(result.text.find("scale_a_b*(p)"), std::string::npos);
+  EXPECT_NE(result.text.find("(p)/scale_a_b"), std::string::npos);
+}
+
+// A few samples cost a sharper filter hundreds of nats each, and hide what it gains on all others.
+TEST(Extend, ErrorsOfSensorsOfOneKindAreAlikeAndWildSamplesDoNotHideThem) {
+  const ExtendResult result = with_one_part(of_two_alike(1.0, 0.4, 83));
+  EXPECT_EQ(adopted(result), "errors that last, alike, of a, b");
+  for (const ExtensionTrial& trial : result.tried) {
+    if (trial.what.starts_with("an error that lasts, of ")) {
+      EXPECT_FALSE(trial.adopted) << trial.what;
+    }
+  }
+  EXPECT_TRUE(with_one_part(of_two_alike(1.0, 0.0, 83)).text.empty());
 }
 
 TEST(Extend, FindsASensorThatIsLate) {
