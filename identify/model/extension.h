@@ -34,7 +34,7 @@ struct ModelExtension {
   /// What lasts: one deviation and time constant for all. Bias and scale of two outputs: as much of
   /// each, in opposite directions.
   bool alike = false;
-  double from = 0.0;               ///< of a change: its time t, as the model's formulas have it [s]
+  double from = 0.0;  ///< of a change: its time t, as the model's formulas have it [s]
 };
 /// "biases of d0, d1", "a ratio between r0 and r1, half of it in each", "an error that lasts, of z", "process noise of vx", "coloured process noise
 /// of vx, vy, alike", "another measurement noise of z from 120 s on".
