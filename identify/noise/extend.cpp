@@ -131,14 +131,17 @@ struct Fitted {
   bool pays;
   std::size_t trial;
   ModelExtension extension;
+  int sensors;  // of one kind, that it is of one of; -1: none
 };
 
-// Two sensors that differ: which of them is off is told by a third one, or by inputs.
+// Two sensors that differ: which of them is off is told by a third one, or by inputs; of an error that
+// lasts where they are not of one kind, too.
 // Innovations that are coloured count for more samples than they are: nats alone would tell.
 bool cannot_be_told_from(const Fitted& one, const Fitted& other) {
   constexpr double kNats = 3.0, kShare = 0.1;  // of what the likelier one gains
   const ExtensionKind kind = one.extension.kind;
-  return (is_constant(kind) || kind == ExtensionKind::lasting_error) &&
+  const bool alike = one.sensors >= 0 && one.sensors == other.sensors;
+  return (is_constant(kind) || (kind == ExtensionKind::lasting_error && alike)) &&
          other.extension.kind == kind && one.extension.names.size() == 1 &&
          other.extension.names.size() == 1 && one.extension.names != other.extension.names &&
          std::abs(one.asked_for - other.asked_for) <
@@ -197,6 +200,15 @@ std::optional<std::size_t> chosen_of(const std::vector<Fitted>& fitted) {
   return out;
 }
 
+int kind_of(const std::string& output, const std::vector<std::vector<std::string>>& kinds) {
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    if (std::find(kinds[k].begin(), kinds[k].end(), output) != kinds[k].end()) {
+      return static_cast<int>(k);
+    }
+  }
+  return -1;
+}
+
 // Parts that are tried side by side, each alone beside what was adopted before.
 struct Round {
   const ExtendedModel& best;
@@ -207,6 +219,7 @@ struct Round {
   std::vector<Fitted> fitted;
 
   void try_parts(const std::vector<ModelExtension>& parts) {
+    const std::vector<std::vector<std::string>> kinds = outputs_alike(best.root);
     auto found = fit_extensions(best, parts, first, options.search.threads,
                                 [this](const ModelExtension& extension) {
                                   runs = !options.progress || options.progress(in_words(extension));
@@ -222,8 +235,8 @@ struct Round {
         trial.gain_se = gain.se;
         const bool worth_it = pays(gain, *candidate, best);
         const double asked_for = candidate->criterion - best.criterion;
-        fitted.push_back(
-            {std::move(*candidate), gain, asked_for, worth_it, tried.size(), parts[i]});
+        fitted.push_back({std::move(*candidate), gain, asked_for, worth_it, tried.size(), parts[i],
+                          kind_of(parts[i].names[0], kinds)});
       }
       tried.push_back(std::move(trial));
     }
@@ -240,7 +253,7 @@ std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
                                   ? "no filter, or no estimate"
                                   : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
                               trial.adopted     ? "  adopted"
-                              : trial.ambiguous ? "  as good of another"
+                              : trial.ambiguous ? "  undecided"
                               : trial.rival     ? "  as good"
                                                 : ""));
   }

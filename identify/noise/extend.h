@@ -27,7 +27,7 @@ struct ExtensionTrial {
   double gain = kNone;     ///< log-likelihood per held-out row; NaN: no filter, or not determined
   double gain_se = kNone;  ///< from its scatter between blocks of rows
   bool adopted = false;
-  /// Pays, and is as likely of another sensor: nothing says which one is off. Of two outputs half of
+  /// Pays, and is as likely of another sensor, "undecided". Of two outputs half of
   /// it in each is tried besides.
   bool ambiguous = false;
   bool rival = false;  ///< what was adopted in its place predicts no better, beyond chance
