@@ -44,6 +44,7 @@ struct Sums {
 };
 
 // Of two filters of one recording.
+// @param place  of every state of the first among those of the second; -1: it is none of them
 bool add_rows(const FilterResult& own, const FilterResult& better, const std::vector<Index>& place,
               Sums& sums) {
   if (own.status != FilterStatus::ok || better.status != FilterStatus::ok) return false;
@@ -53,6 +54,7 @@ bool add_rows(const FilterResult& own, const FilterResult& better, const std::ve
     const auto at = static_cast<std::size_t>(t);
     for (std::size_t i = 0; i < place.size(); ++i) {
       const auto s = static_cast<Index>(i);
+      if (place[i] < 0) continue;
       const double apart = own.x_filt(s, t) - better.x_filt(place[i], t);
       sums.apart[s] += apart * apart;
       sums.better[s] += better.P_filt[at](place[i], place[i]);
@@ -68,7 +70,8 @@ ExpectedErrors errors_of(const Sums& sums, const Model& model) {
   double loss = 0.0, squares = 0.0, states = 0.0, largest = 0.0;
   for (std::size_t i = 0; i < model.states.size(); ++i) {
     const auto s = static_cast<Index>(i);
-    if (!(sums.better[s] > 0.0 && sums.own[s] > 0.0)) continue;  // known without error
+    if (!(sums.better[s] > 0.0 && sums.own[s] > 0.0))
+      continue;  // known without error, or not of both
     const double share = sums.apart[s] / sums.better[s];
     loss += share;
     squares += (sums.apart[s] + sums.better[s]) / sums.own[s];
@@ -177,8 +180,7 @@ std::optional<ExpectedErrors> errors_if_right(const Model& model, const Model& b
   for (const auto& state : model.states) {
     const auto at = std::find_if(better.states.begin(), better.states.end(),
                                  [&](const auto& other) { return other.name == state.name; });
-    if (at == better.states.end()) return std::nullopt;
-    place.push_back(at - better.states.begin());
+    place.push_back(at == better.states.end() ? -1 : at - better.states.begin());
   }
   const VectorXd none = VectorXd::Zero(static_cast<Index>(place.size()));
   Sums sums{none, none, none, 0.0};
@@ -213,6 +215,32 @@ ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
   const double ratio = (1.0 + out.excess) * (1.0 + out.excess);
   out.most = std::sqrt(ratio + unexplained(best, recordings)) - 1.0;
   return out;
+}
+
+void judge_by_undecided(const std::vector<UndecidedPart>& parts, const Model& given,
+                        const std::vector<Dataset>& recordings, NoiseEstimate& estimate) {
+  if (estimate.status != Status::ok && estimate.status != Status::untrusted) return;
+  Model model = checked(given, recordings);
+  model.parameters = parameters_of(estimate, model.parameters);
+  ExpectedErrors errors;
+  for (const UndecidedPart& part : parts) {
+    take_larger(errors_if_right(model, part.model, recordings), part.what, errors);
+  }
+  if (errors.if_right.empty() || is_small(errors)) return;
+  estimate.findings.push_back(
+      {FindingCode::expected_errors,
+       Severity::serious,
+       {},
+       fmt::format(
+           "two sensors differ, and nothing tells which of them is off: half of it is taken "
+           "for each. With {}, which is as likely, the states' errors are {:.2g} % above "
+           "what is possible, their squares {:.2g} times the filter's variances{}",
+           errors.if_right, 100.0 * errors.excess, errors.nees,
+           errors.worst_state.empty()
+               ? ""
+               : fmt::format("; it is {} that loses most", errors.worst_state)),
+       "compare both with a third one, and write what is found into the model"});
+  conclude(estimate, "converged");
 }
 
 bool innovations_contradict(const NoiseEstimate& estimate) {

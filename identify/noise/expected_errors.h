@@ -33,7 +33,8 @@ struct ExpectedErrorsOptions {
   std::function<bool(const ModelExtension& extension)> progress = {};
 };
 
-/// @param better  a likelier model that has the states of `model` and may have more
+/// Of the states that both have.
+/// @param better  a likelier model
 /// @return nothing where one of the filters does not run
 std::optional<ExpectedErrors> errors_if_right(const Model& model, const Model& better,
                                               const std::vector<Dataset>& recordings);
@@ -49,6 +50,18 @@ ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
                                const std::vector<Dataset>& recordings,
                                const NoiseEstimate& estimate,
                                const ExpectedErrorsOptions& options = {});
+
+/// A part as likely as the one that a model has in its place.
+struct UndecidedPart {
+  std::string what;
+  Model model;  ///< that has it, at its values
+};
+
+/// Where one of these may be right: says what the states lose then, serious unless it is as little as
+/// in judge_by_expected_errors(), and concludes again.
+/// @param model  as given, its values do not count: those of the estimate do
+void judge_by_undecided(const std::vector<UndecidedPart>& parts, const Model& model,
+                        const std::vector<Dataset>& recordings, NoiseEstimate& estimate);
 
 /// Whether tests of the innovations fail, and nothing that is misread explains it: then
 /// judge_by_expected_errors() has something to do.

@@ -145,7 +145,9 @@ bool cannot_be_told_from(const Fitted& one, const Fitted& other) {
          other.extension.kind == kind && one.extension.names.size() == 1 &&
          other.extension.names.size() == 1 && one.extension.names != other.extension.names &&
          std::abs(one.asked_for - other.asked_for) <
-             std::max(kNats, kShare * std::max(one.asked_for, other.asked_for));
+             std::max(kNats, kShare * std::max(one.asked_for, other.asked_for)) &&
+         !pays(gain_of(one.candidate, other.candidate)) &&
+         !pays(gain_of(other.candidate, one.candidate));
 }
 
 // Errors that last of sensors of one kind, of each its own size: where they predict no better than
@@ -243,6 +245,18 @@ struct Round {
   }
 };
 
+// Of a bias or scale that is half in each of two outputs: the same of one of them alone.
+void add_singles(const ModelExtension& two, const std::vector<Fitted>& fitted,
+                 std::vector<UndecidedPart>& out) {
+  for (const Fitted& each : fitted) {
+    const bool of_one =
+        each.extension.names.size() == 1 &&
+        std::find(two.names.begin(), two.names.end(), each.extension.names[0]) != two.names.end();
+    if (!of_one || each.extension.kind != two.kind) continue;
+    out.push_back({in_words(each.extension), each.candidate.model});
+  }
+}
+
 std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
   std::vector<std::string> out{"further parts tried, by the log-likelihood per row held out:"};
   std::size_t width = 36;
@@ -276,6 +290,7 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
   const std::vector<Dataset> first = first_parts(recordings, options.hold_out);
   fit_values(best.model, first);  // where it does not determine all, it predicts with what it has
   bool runs = predict(best, recordings, first);
+  std::vector<UndecidedPart> undecided;
   for (int step = 0; runs && step < options.most; ++step) {
     Round round{best, recordings, first, options, out.tried, runs, {}};
     round.try_parts(possible_extensions(best.root, best.model, first));
@@ -293,6 +308,9 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
       const bool better_beats = pays(gain_of(better.candidate, each.candidate));
       trial.rival = !trial.adopted && trial.gain > kLeastGain && !better_beats;
     }
+    if (better.extension.alike && is_constant(better.extension.kind)) {
+      add_singles(better.extension, fitted, undecided);
+    }
     best = std::move(better.candidate);
     out.text = model_file_text(best.root);
   }
@@ -301,6 +319,7 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
   ExpectedErrorsOptions further;
   further.threads = options.search.threads;
   judge_by_expected_errors(best.root, chosen, recordings, out.estimate, further);
+  judge_by_undecided(undecided, chosen, recordings, out.estimate);
   const std::vector<std::string> lines = table_of(out.tried);
   out.estimate.notes.insert(out.estimate.notes.end(), lines.begin(), lines.end());
   return out;

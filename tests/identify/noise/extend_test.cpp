@@ -195,6 +195,34 @@ TEST(Extend, WhichOfTwoSensorsIsOffIsNotTold) {
   expect_value(result, "scale_a_b", 1.0 / std::sqrt(1.3), 0.02);
   EXPECT_NE(result.text.find("scale_a_b*(p)"), std::string::npos);
   EXPECT_NE(result.text.find("(p)/scale_a_b"), std::string::npos);
+  // All of it may be one's: the state is off by 13 % then, and its band is a tenth of that.
+  EXPECT_EQ(result.estimate.status, Status::untrusted);
+  EXPECT_NE(result.estimate.findings.back().text.find("nothing tells which of them is off"),
+            std::string::npos);
+}
+
+// The speed says how far it went: the sensor that disagrees is known.
+TEST(Extend, AnInputTellsWhichOfTwoSensorsIsOff) {
+  std::string text = kTwoAlike;
+  text.replace(text.find("dynamics: {p: -0.2*p}"), 21,
+               "inputs: {u: {column: u}}\ndynamics: {p: u}");
+  Dataset data = of_two_alike(1.0, 0.0, 0);
+  data.u.resize(1, 1500);
+  data.inputs = {{"u", ""}};
+  Random random(9);
+  double p = 0.0, u = 0.0;
+  for (Index t = 0; t < 1500; ++t) {
+    data.u(0, t) = u;
+    data.y.col(t) << p + 0.1 * random.normal(), 1.1 * p + 0.1 * random.normal();
+    p += 0.1 * u + 0.005 * random.normal();
+    u = 0.95 * u + 0.3 * random.normal();
+  }
+  const YamlNode root = parse_yaml(text, "two.yaml");
+  const ExtendResult result =
+      tune_extended(root, model_of(root, "two.yaml"), {data}, with_one_start());
+  EXPECT_EQ(adopted(result), "a scale of b");
+  expect_value(result, "scale_b", 1.1, 0.02);
+  EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
 }
 
 // A few samples cost a sharper filter hundreds of nats each, and hide what it gains on all others.
