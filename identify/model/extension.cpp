@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -299,19 +300,23 @@ void add_bias(YamlNode& model, const std::string& channel) {
 // The variances of these names times a ratio, from a time on.
 // @param of     "measurement" or "process"
 // @param about  what its parameters are named by
+// @param from   minus infinity: always
 void change_noise(YamlNode& model, const char* of, const std::vector<std::string>& names,
                   const std::string& about, double ratio, double from) {
   const YamlNode* states = find(model, "states");
   const bool with_units = states != nullptr && states->kind == Kind::mapping;
   const std::string change = unused(model, "change_" + about),
                     factor = unused(model, "ratio_" + about);
-  append(value_at(model, "parameters"), change,
-         yaml_scalar(fmt::format("{:.12g}{}", from, with_units ? " s" : "")));
+  const bool always = std::isinf(from);
+  if (!always) {
+    append(value_at(model, "parameters"), change,
+           yaml_scalar(fmt::format("{:.12g}{}", from, with_units ? " s" : "")));
+  }
   add_parameter(model, factor, ratio, "", 0.0);
   YamlNode& noise = named_part(value_at(model, "noise"), of, "noise");
   const bool as_sd = find(noise, "sd") != nullptr;
   YamlNode& sizes = named_part(noise, as_sd ? "sd" : "variance", "noise by names, its");
-  const std::string times = fmt::format("if(t < {}, 1, {})", change, factor);
+  const std::string times = always ? factor : fmt::format("if(t < {}, 1, {})", change, factor);
   for (const std::string& name : names) {
     YamlNode& size = named_part(sizes, name, "noise of");
     size =
@@ -386,6 +391,8 @@ std::string in_words(const ModelExtension& extension) {
     case ExtensionKind::coloured_process_noise:
       return "coloured process noise of " + names + (extension.alike ? ", alike" : "");
     case ExtensionKind::measurement_noise_change:
+      if (std::isinf(extension.from))
+        return "measurement noise of " + names + " of a size of its own";
       return fmt::format("another measurement noise of {} from {:.6g} s on", names, extension.from);
     case ExtensionKind::process_noise_change:
       return fmt::format("another process noise from {:.6g} s on", extension.from);

@@ -34,10 +34,11 @@ struct ModelExtension {
   /// What lasts: one deviation and time constant for all. Bias and scale of two outputs: as much of
   /// each, in opposite directions.
   bool alike = false;
-  double from = 0.0;  ///< of a change: its time t, as the model's formulas have it [s]
+  double from =
+      0.0;  ///< of a change: its time t, as the model's formulas have it [s]; minus infinity: always
 };
 /// "biases of d0, d1", "a ratio between r0 and r1, half of it in each", "an error that lasts, of z", "process noise of vx", "coloured process noise
-/// of vx, vy, alike", "another measurement noise of z from 120 s on".
+/// of vx, vy, alike", "another measurement noise of z from 120 s on", "measurement noise of z of a size of its own".
 std::string in_words(const ModelExtension& extension);
 
 /// Outputs whose measurement noise is written with the same variance, where that is not a number:
@@ -59,7 +60,7 @@ bool can_be_late(const YamlNode& model, const std::string& output);
 /// error_OUTPUT (sd_errors and tau_errors of those that are alike); q_STATE; sd_disturbance_STATE
 /// and tau_disturbance_STATE of coloured process noise, whose state is disturbance_STATE
 /// (sd_disturbances and tau_disturbances); ratio_OUTPUT or ratio_process of a change, at the known
-/// time change_OUTPUT or change_process. What lasts begins with its own variance.
+/// time change_OUTPUT or change_process, of which there is none where it is always. What lasts begins with its own variance.
 ///
 /// Example:
 ///

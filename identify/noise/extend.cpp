@@ -136,17 +136,21 @@ struct Fitted {
 
 // Two sensors that differ: which of them is off is told by a third one, or by inputs; of an error that
 // lasts where they are not of one kind, too.
-// Innovations that are coloured count for more samples than they are: nats alone would tell.
+// Innovations that are coloured count for more samples than they are: nats alone would tell. Of a
+// constant rows held out may; of an error that lasts they hold few that are independent.
 bool cannot_be_told_from(const Fitted& one, const Fitted& other) {
   constexpr double kNats = 3.0, kShare = 0.1;  // of what the likelier one gains
   const ExtensionKind kind = one.extension.kind;
-  const bool alike = one.sensors >= 0 && one.sensors == other.sensors;
-  return (is_constant(kind) || (kind == ExtensionKind::lasting_error && alike)) &&
-         other.extension.kind == kind && one.extension.names.size() == 1 &&
-         other.extension.names.size() == 1 && one.extension.names != other.extension.names &&
-         std::abs(one.asked_for - other.asked_for) <
-             std::max(kNats, kShare * std::max(one.asked_for, other.asked_for)) &&
-         !pays(gain_of(one.candidate, other.candidate)) &&
+  if (other.extension.kind != kind || one.extension.names.size() != 1 ||
+      other.extension.names.size() != 1 || one.extension.names == other.extension.names ||
+      !(std::abs(one.asked_for - other.asked_for) <
+        std::max(kNats, kShare * std::max(one.asked_for, other.asked_for)))) {
+    return false;
+  }
+  if (kind == ExtensionKind::lasting_error) {
+    return one.sensors >= 0 && one.sensors == other.sensors;
+  }
+  return is_constant(kind) && !pays(gain_of(one.candidate, other.candidate)) &&
          !pays(gain_of(other.candidate, one.candidate));
 }
 

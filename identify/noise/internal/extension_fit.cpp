@@ -278,6 +278,33 @@ std::optional<SizeChange> size_change(const VectorXd& e) {
   return statistic > kCritical ? out : std::nullopt;
 }
 
+// Of outputs whose noise is written alike: by as much as the innovations of one are larger.
+std::vector<ModelExtension> noises_of_their_own(const YamlNode& root, const Model& model,
+                                                const std::vector<double>& sizes) {
+  std::vector<ModelExtension> out;
+  for (const std::vector<std::string>& kind : outputs_alike(root)) {
+    if (kind.size() < 2 || kind.size() > kMostAlone) continue;
+    // Of two, the one by itself is the other by itself.
+    for (std::size_t i = kind.size() == 2 ? 1 : 0; i < kind.size(); ++i) {
+      const auto size_of = [&](const std::string& name) {
+        const auto at = std::find_if(model.outputs.begin(), model.outputs.end(),
+                                     [&](const auto& output) { return output.name == name; });
+        return at == model.outputs.end()
+                   ? 0.0
+                   : sizes[static_cast<std::size_t>(at - model.outputs.begin())];
+      };
+      const double own = size_of(kind[i]), other = size_of(kind[i == 0 ? 1 : 0]);
+      if (!(own > 0.0 && other > 0.0) || has_parameter(model, "ratio_" + kind[i])) continue;
+      out.push_back({ExtensionKind::measurement_noise_change,
+                     {kind[i]},
+                     {own * own / (other * other)},
+                     false,
+                     -kInfinity});
+    }
+  }
+  return out;
+}
+
 // Of one recording: where several go into the fit, none of them has a time for all.
 std::vector<ModelExtension> noise_changes(const Model& model, const Dataset& recording,
                                           const FilterResult& filter) {
@@ -524,7 +551,8 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
   const double step = recordings[0].dt;
   for (const std::vector<ModelExtension>& more :
        {scales_and_delays(root, model, step), of_inputs(model, recordings[0]),
-        process_noises(model), coloured_process_noises(root, model, step)}) {
+        process_noises(model), coloured_process_noises(root, model, step),
+        noises_of_their_own(root, model, sizes)}) {
     out.insert(out.end(), more.begin(), more.end());
   }
   if (recordings.size() == 1) {

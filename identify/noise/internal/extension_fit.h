@@ -28,7 +28,8 @@ std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recor
 /// few, and of all of them; errors that last, alike, of outputs whose noise is written with the
 /// same variance; a scale and, in continuous time, a delay of each; bias, scale and lasting error
 /// of each input, where they are few; process noise of states without any, and coloured process
-/// noise of those that have some. Their sizes begin at half of the innovations'. And of one
+/// noise of those that have some; measurement
+/// noise of its own of each of few outputs whose noise is written alike. Their sizes begin at half of the innovations'. And of one
 /// recording, whose innovations change their size: measurement noise, or process noise, that
 /// changes where they do. Nothing where the filter does not run.
 std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,

@@ -137,8 +137,10 @@ TEST(Extend, FindsAnErrorThatLasts) {
 
 TEST(Extend, FindsTheScaleOfOneSensor) {
   const ExtendResult result = run({.scale = 1.5}, 4, {}, 2000);
-  EXPECT_EQ(adopted(result), "a scale of b");
+  // Its noise is larger by it, too, than that of p, which the model writes alike.
+  EXPECT_EQ(adopted(result), "a scale of b; measurement noise of p of a size of its own");
   expect_value(result, "scale_b", 1.5, 0.15);
+  expect_value(result, "ratio_p", 1.0 / 2.25, 0.1);
   EXPECT_EQ(result.estimate.status, Status::ok) << result.estimate.message;
 }
 
