@@ -374,6 +374,18 @@ SolverOptions until_nothing_counts(int iterations) {
   return out;
 }
 
+// What a part gives that goes with the model; else nothing.
+template <typename Job>
+auto where_it_goes(const Job& job) -> decltype(job()) {
+  try {
+    return job();
+  } catch (const InputError&) {
+    return {};  // units that do not fit, no named noise, a start of another kind
+  } catch (const std::invalid_argument&) {
+    return {};  // noise that is zero changes by no ratio
+  }
+}
+
 // An extended model while it is searched.
 struct Search {
   FittedModel fitted;                                // at where the search is
@@ -388,7 +400,7 @@ struct Search {
 std::unique_ptr<Search> begin_search(const FittedModel& base, const ModelExtension& extension,
                                      const std::vector<Dataset>& recordings,
                                      std::optional<double> step, double least_gain) {
-  try {
+  return where_it_goes([&]() -> std::unique_ptr<Search> {
     auto out = std::make_unique<Search>();
     FittedModel& fitted = out->fitted;
     fitted.root = extended(base.root, extension, recordings[0].dt);
@@ -406,16 +418,15 @@ std::unique_ptr<Search> begin_search(const FittedModel& base, const ModelExtensi
       return nullptr;
     }
     return out;
-  } catch (const InputError&) {
-    return nullptr;  // units that do not fit, no named noise, a start of another kind
-  } catch (const std::invalid_argument&) {
-    return nullptr;  // noise that is zero changes by no ratio
-  }
+  });
 }
 
 void go_on(Search& search, int iterations) {
-  const Solution end =
-      maximise(search.likelihood->problem(), search.x, until_nothing_counts(iterations));
+  const std::optional<Solution> found = where_it_goes([&] {
+    return std::optional(
+        maximise(search.likelihood->problem(), search.x, until_nothing_counts(iterations)));
+  });
+  const Solution end = found.value_or(Solution{search.x, {}});  // whose objective is none
   search.x = end.x;
   search.fitted.log_likelihood = end.summary.objective;
   search.expected_gain = end.summary.expected_gain;
@@ -426,17 +437,19 @@ void go_on(Search& search, int iterations) {
 std::optional<FittedModel> found_by(const Search& search, const FittedModel& base,
                                     const ModelExtension& extension,
                                     const std::vector<Dataset>& recordings) {
-  if (!std::isfinite(search.fitted.log_likelihood) ||
-      !determines(search.likelihood->problem(), search.x)) {
-    return std::nullopt;
-  }
-  FittedModel out = search.fitted;
-  out.model.parameters = with_coordinates(out.model.parameters, search.x);
-  if (!is_linear(out.model) && !is_linear(base.model)) {
-    as_formulas(out.model).longest_step = as_formulas(base.model).longest_step;
-  }
-  if (!determines_constants(extension, out.model, recordings)) return std::nullopt;
-  return out;
+  return where_it_goes([&]() -> std::optional<FittedModel> {
+    if (!std::isfinite(search.fitted.log_likelihood) ||
+        !determines(search.likelihood->problem(), search.x)) {
+      return std::nullopt;
+    }
+    FittedModel out = search.fitted;
+    out.model.parameters = with_coordinates(out.model.parameters, search.x);
+    if (!is_linear(out.model) && !is_linear(base.model)) {
+      as_formulas(out.model).longest_step = as_formulas(base.model).longest_step;
+    }
+    if (!determines_constants(extension, out.model, recordings)) return std::nullopt;
+    return out;
+  });
 }
 
 // Tells of each task's extension before it is done; false once the listener wants no more.
