@@ -34,11 +34,12 @@ struct ModelExtension {
   /// What lasts: one deviation and time constant for all. Bias and scale of two outputs: as much of
   /// each, in opposite directions.
   bool alike = false;
-  double from =
-      0.0;  ///< of a change: its time t, as the model's formulas have it [s]; minus infinity: always
+  /// Of a change: its time t, as the model's formulas have it [s]; minus infinity: always.
+  double from = 0.0;
 };
-/// "biases of d0, d1", "a ratio between r0 and r1, half of it in each", "an error that lasts, of z", "process noise of vx", "coloured process noise
-/// of vx, vy, alike", "another measurement noise of z from 120 s on", "measurement noise of z of a size of its own".
+/// "biases of d0, d1", "a ratio between r0 and r1, half of it in each", "an error that lasts, of
+/// z", "process noise of vx", "coloured process noise of vx, vy, alike", "another measurement noise
+/// of z from 120 s on", "measurement noise of z of a size of its own".
 std::string in_words(const ModelExtension& extension);
 
 /// Outputs whose measurement noise is written with the same variance, where that is not a number:
@@ -55,12 +56,13 @@ bool has_continuous_time(const YamlNode& model);
 bool can_be_late(const YamlNode& model, const std::string& output);
 
 /// The tree of a model file with the further part, and parameters for it: bias_OUTPUT;
-/// scale_OUTPUT; delay_OUTPUT; bias_OUTPUT_OTHER and scale_OUTPUT_OTHER, by which the other is off the
-/// other way (minus the one, over the other); sd_OUTPUT and tau_OUTPUT of a lasting error, whose state is
-/// error_OUTPUT (sd_errors and tau_errors of those that are alike); q_STATE; sd_disturbance_STATE
-/// and tau_disturbance_STATE of coloured process noise, whose state is disturbance_STATE
-/// (sd_disturbances and tau_disturbances); ratio_OUTPUT or ratio_process of a change, at the known
-/// time change_OUTPUT or change_process, of which there is none where it is always. What lasts begins with its own variance.
+/// scale_OUTPUT; delay_OUTPUT; bias_OUTPUT_OTHER and scale_OUTPUT_OTHER, by which the other is off
+/// the other way (minus the one, over the other); sd_OUTPUT and tau_OUTPUT of a lasting error,
+/// whose state is error_OUTPUT (sd_errors and tau_errors of those that are alike); q_STATE;
+/// sd_disturbance_STATE and tau_disturbance_STATE of coloured process noise, whose state is
+/// disturbance_STATE (sd_disturbances and tau_disturbances); ratio_OUTPUT or ratio_process of a
+/// change, at the known time change_OUTPUT or change_process, of which there is none where it is
+/// always. What lasts begins with its own variance.
 ///
 /// Example:
 ///

@@ -57,8 +57,8 @@ struct UndecidedPart {
   Model model;  ///< that has it, at its values
 };
 
-/// Where one of these may be right: says what the states lose then, serious unless it is as little as
-/// in judge_by_expected_errors(), and concludes again.
+/// Where one of these may be right: says what the states lose then, serious unless it is as little
+/// as in judge_by_expected_errors(), and concludes again.
 /// @param model  as given, its values do not count: those of the estimate do
 void judge_by_undecided(const std::vector<UndecidedPart>& parts, const Model& model,
                         const std::vector<Dataset>& recordings, NoiseEstimate& estimate);

@@ -43,7 +43,8 @@ std::vector<Dataset> first_parts(const std::vector<Dataset>& recordings, double 
 }
 
 // A filter that is right but for a few samples gains on all others what these cost: one in a hundred
-// may be ten times as far off, so that a row costs nats and not hundreds of them.
+// may be ten times as far off, so that a row costs nats and not hundreds of them. Source: Tukey (1960),
+// "A survey of sampling from contaminated distributions".
 // @param squares  e' Sigma^-1 e of m outputs
 double log_of_contaminated(double squares, double m) {
   constexpr double kShare = 0.01, kFarther = 10.0;

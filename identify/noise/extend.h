@@ -27,8 +27,8 @@ struct ExtensionTrial {
   double gain = kNone;     ///< log-likelihood per held-out row; NaN: no filter, or not determined
   double gain_se = kNone;  ///< from its scatter between blocks of rows
   bool adopted = false;
-  /// Pays, and is as likely of another sensor, "undecided". Of two outputs half of
-  /// it in each is tried besides.
+  /// Pays, and is as likely of another sensor, "undecided". Of two outputs half of it in each is
+  /// tried besides.
   bool ambiguous = false;
   bool rival = false;  ///< what was adopted in its place predicts no better, beyond chance
 };
@@ -47,9 +47,10 @@ struct ExtendResult {
 /// whose gain is beyond 0.01 nats per row and 3 of its standard errors, or 2 where the first part
 /// asks for them by 10 nats more than BIC's penalty; of those that no other beats by 3, the one is
 /// adopted that the first part asks for by BIC. A bias, scale or delay that is as likely of another
-/// sensor is not adopted; of two outputs a bias or scale that is half in the one and half, the other way, in
-/// the other may be, which moves the states by neither. What is chosen is tuned on all rows, and judged by
-/// judge_by_expected_errors().
+/// sensor is not adopted; of two outputs a bias or scale that is half in the one and half, the
+/// other way, in the other may be, which moves the states by neither. What is chosen is tuned on
+/// all rows, and judged by judge_by_expected_errors() and judge_by_undecided(). Densities of rows
+/// are those of a normal distribution of which one sample in a hundred is ten times as wide.
 ///
 /// Example:
 ///

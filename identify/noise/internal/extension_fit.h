@@ -28,10 +28,10 @@ std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recor
 /// few, and of all of them; errors that last, alike, of outputs whose noise is written with the
 /// same variance; a scale and, in continuous time, a delay of each; bias, scale and lasting error
 /// of each input, where they are few; process noise of states without any, and coloured process
-/// noise of those that have some; measurement
-/// noise of its own of each of few outputs whose noise is written alike. Their sizes begin at half of the innovations'. And of one
-/// recording, whose innovations change their size: measurement noise, or process noise, that
-/// changes where they do. Nothing where the filter does not run.
+/// noise of those that have some; measurement noise of its own of each of few outputs whose noise
+/// is written alike. Their sizes begin at half of the innovations'. And of one recording, whose
+/// innovations change their size: measurement noise, or process noise, that changes where they do.
+/// Nothing where the filter does not run.
 std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
                                                 const std::vector<Dataset>& recordings);
 
@@ -52,9 +52,10 @@ struct LikeliestExtension {
   FittedModel fitted;
 };
 
-/// Of the same the one with the least BIC, if that is below that of `base`. All are searched side by
-/// side, a few steps at a time, and those that can hardly reach the best any more are left; a bias,
-/// scale or delay whose score promises less than half of BIC's penalty is not searched at all.
+/// Of the same the one with the least BIC, if that is below that of `base`. All are searched side
+/// by side, a few steps at a time, and those that can hardly reach the best any more are left; a
+/// bias, scale or delay whose score promises less than half of BIC's penalty is not searched at
+/// all.
 /// @return nothing, too, where progress() has stopped it
 std::optional<LikeliestExtension> likeliest_extension(
     const FittedModel& base, const std::vector<ModelExtension>& extensions,
