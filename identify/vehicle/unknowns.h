@@ -24,8 +24,8 @@ struct VehicleUnknowns {
   Eigen::VectorXd scale;               ///< typical size of the free ones, for the optimiser
   TyreCurve curve = TyreCurve::linear;
   std::optional<double> front_drive;  ///< share of the front axle in the drive, where it is known
-  Constraints constraints;  ///< between parameters of the model file
-  Eigen::VectorXd stated;   ///< values of those, in the user's terms, SI; of free ones the starts
+  Constraints constraints;            ///< between parameters of the model file
+  Eigen::VectorXd stated;  ///< values of those, in the user's terms, SI; of free ones the starts
 
   /// Position of the parameter among the free ones, or -1.
   Eigen::Index find(VehicleParameter parameter) const;
