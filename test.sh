@@ -42,7 +42,7 @@ ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
 optimised="-O0 -g1"
 [ "$slow" = yes ] && optimised="-O1 -g1"
 build "Configuring with sanitizers" cmake --preset dev -DCMAKE_CXX_FLAGS_DEBUG="$optimised" -G "$generator" -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=16 \
-  -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=lld -DCMAKE_SHARED_LINKER_FLAGS=-fuse-ld=lld -DIDENTIKAL_SANITIZE_POINTERS="$pointers"
+  -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=lld -DCMAKE_SHARED_LINKER_FLAGS=-fuse-ld=lld -DIDENTIKAL_SANITIZE_POINTERS="$pointers" -DIDENTIKAL_BUILD_SLOW_TESTS="$slow"
 build "Building with sanitizers" cmake --build build-dev -j "$(nproc)"
 # Here a test takes about a hundred times as long: those that took little more [s] than starting a program does, which is what
 # the fastest quarter took; at night, ten times as long: all.

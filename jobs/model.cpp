@@ -26,7 +26,7 @@ struct BlackBoxVerbOptions {
   RecordingOptions recordings;
   ResultOptions result;
   std::string inputs, outputs, time, step, orders, purpose = "automatic", hold_out = "30%";
-  std::string structure = "states", polynomials, delay;
+  std::string structure = "states", polynomials, delay, steps;
 };
 
 std::vector<std::string> names_in(const std::string& option, const std::string& list) {
@@ -124,6 +124,17 @@ int order_in(const std::string& text) {
   return order;
 }
 
+int rows_in(const std::string& option, const std::string& text, int least, int most) {
+  const bool is_number =
+      text.size() < 5 && text.find_first_not_of("0123456789") == std::string::npos;
+  const int rows = is_number ? std::stoi(text) : -1;
+  if (rows < least || rows > most) {
+    throw InputError({}, fmt::format("{} '{}' is none", option, text),
+                     fmt::format("a number of rows from {} to {}", least, most));
+  }
+  return rows;
+}
+
 // "na=2,nb=3,nk=1": coefficients of each polynomial, and rows until an input is seen.
 void take_polynomials(const std::string& text, BlackBoxOptions& out) {
   PolynomialOrders orders;
@@ -199,15 +210,7 @@ void take_structure(const BlackBoxVerbOptions& given, BlackBoxOptions& out) {
   }
   out.structure = found->structure;
   if (!given.polynomials.empty()) take_polynomials(given.polynomials, out);
-  if (!given.delay.empty()) {
-    const bool is_number =
-        given.delay.size() < 5 && given.delay.find_first_not_of("0123456789") == std::string::npos;
-    if (!is_number || std::stoi(given.delay) > 100) {
-      throw InputError({}, fmt::format("--delay '{}' is none", given.delay),
-                       "a number of rows up to 100: 1");
-    }
-    out.delay = std::stoi(given.delay);
-  }
+  if (!given.delay.empty()) out.delay = rows_in("--delay", given.delay, 0, 100);
   check_polynomials(given, *found, out);
 }
 
@@ -227,20 +230,32 @@ BlackBoxOptions black_box_options(const BlackBoxVerbOptions& given, const Call& 
   }
   if (given.purpose == "simulation") out.purpose = BlackBoxPurpose::simulation;
   if (given.purpose == "prediction") out.purpose = BlackBoxPurpose::prediction;
-  if (out.purpose == BlackBoxPurpose::simulation && given.inputs.empty()) {
-    throw InputError({}, "--for simulation without --input", "the columns that drive the outputs");
+  if (given.purpose == "control") out.purpose = BlackBoxPurpose::control;
+  const bool by_inputs = given.purpose == "simulation" || given.purpose == "control";
+  if (by_inputs && given.inputs.empty()) {
+    throw InputError({}, fmt::format("--for {} without --input", given.purpose),
+                     "the columns that drive the outputs");
+  }
+  if (!given.steps.empty()) {
+    if (given.purpose != "control") {
+      throw InputError({}, "--steps without --for control",
+                       "how many rows a controller looks ahead");
+    }
+    out.horizon = rows_in("--steps", given.steps, 1, 1000);
   }
   out.progress = [&call](const std::string& what) { return report_progress(call, what); };
   return out;
 }
 
-std::string text_of_candidate(const BlackBox::Candidate& each, bool chosen) {
+std::string text_of_candidate(const BlackBox::Candidate& each, bool for_control, bool chosen) {
   const auto number = [](double value) {
     return std::isnan(value) ? std::string("-") : fmt::format("{:.2f}", value);
   };
-  return fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}{}", each.order, each.refinement,
+  const std::string control =
+      for_control ? fmt::format(" {:>12}", number(each.control_fit)) : std::string();
+  return fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}{}{}", each.order, each.refinement,
                      number(each.bic), number(each.prediction_fit), number(each.simulation_fit),
-                     chosen ? "  <-" : "");
+                     control, chosen ? "  <-" : "");
 }
 
 std::string number_with_error(double value, double se) {
@@ -266,14 +281,17 @@ std::string text_of_polynomial(const BlackBox::Polynomial& each, bool names_outp
 
 // What was tried, and the model in the terms of an engineer, line by line.
 std::vector<std::string> tables(const BlackBox& box) {
+  const bool for_control = box.horizon > 0;
+  const std::string ahead =
+      for_control ? fmt::format("; control: 1 to {} rows ahead together", box.horizon) : "";
   std::vector<std::string> out{
-      fmt::format("held-out last {:.0f} % of the rows, fit in % (mean over outputs)",
-                  100.0 * box.held_out_share),
-      fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}", "order", "found by", "BIC", "prediction",
-                  "simulation")};
+      fmt::format("held-out last {:.0f} % of the rows, fit in % (mean over outputs){}",
+                  100.0 * box.held_out_share, ahead),
+      fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}{}", "order", "found by", "BIC", "prediction",
+                  "simulation", for_control ? fmt::format(" {:>12}", "control") : "")};
   for (const BlackBox::Candidate& each : box.candidates) {
-    out.push_back(
-        text_of_candidate(each, each.order == box.order && each.refinement == box.refinement));
+    out.push_back(text_of_candidate(each, for_control,
+                                    each.order == box.order && each.refinement == box.refinement));
   }
   for (const BlackBox::Polynomial& each : box.polynomials)
     out.push_back(text_of_polynomial(each, box.outputs.size() > 1));
@@ -294,8 +312,13 @@ std::vector<std::string> tables(const BlackBox& box) {
     }
   }
   for (const BlackBox::Delay& each : box.delays) {
-    if (each.rows > 0)
-      out.push_back(fmt::format("'{}' is first seen after {} rows", each.input, each.rows));
+    if (each.rows == 0) continue;
+    const std::string before =
+        std::isnan(each.before) ? ""
+                                : fmt::format("; before, at most {:.2g} % of its largest response",
+                                              100.0 * each.before);
+    out.push_back(fmt::format("'{}' is first seen after {} row{}{}", each.input, each.rows,
+                              each.rows == 1 ? "" : "s", before));
   }
   const bool moved = std::any_of(box.operating_point.begin(), box.operating_point.end(),
                                  [](const auto& each) { return each.value != 0.0; });
@@ -366,11 +389,13 @@ Verb model_verb() {
   add_text(verb, "--delay", options->delay, "Rows until the inputs are seen, of polynomials.",
            "as a test tells");
   add_choice(
-      verb, "--for", options->purpose, {"automatic", "simulation", "prediction"},
+      verb, "--for", options->purpose, {"automatic", "simulation", "prediction", "control"},
       "What the model is to be good at. simulation: outputs from inputs alone, judged on held-out "
       "rows; "
-      "prediction: the next row, judged by BIC; automatic: the likeliest, unless another simulates "
-      "held-out rows better.");
+      "prediction: the next row, judged by BIC; control: all rows up to --steps ahead, judged on "
+      "held-out rows; automatic: the likeliest, unless another simulates held-out rows better.");
+  add_text(verb, "--steps", options->steps, "Rows ahead that count for control.",
+           "until the slowest pole has come to 1/e");
   add_text(verb, "--hold-out", options->hold_out,
            "Last share of each recording that orders are judged on.");
   add_range(verb, options->recordings.range);

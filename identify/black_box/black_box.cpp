@@ -12,6 +12,7 @@
 
 #include "identify/black_box/internal/candidates.h"
 #include "identify/black_box/internal/characteristics.h"
+#include "identify/black_box/internal/nonlinearity.h"
 #include "identify/black_box/internal/polynomial_fit.h"
 #include "identify/black_box/internal/responses.h"
 #include "identify/black_box/internal/scaled_recordings.h"
@@ -63,7 +64,11 @@ struct ModelSearch {
   ModelStructure structure = ModelStructure::states;
   std::vector<Index> delays = {};  // of the inputs, for polynomials
   bool has_inputs = false;
-  bool simulates() const { return has_inputs && purpose != BlackBoxPurpose::prediction; }
+  Index horizon = 0;  // rows ahead that count, where control is the purpose
+  bool simulates() const {
+    return has_inputs && purpose != BlackBoxPurpose::prediction &&
+           purpose != BlackBoxPurpose::control;
+  }
 };
 
 void fit_to_all_rows(const ModelSearch& search, BlackBoxCandidate& candidate) {
@@ -167,6 +172,41 @@ std::size_t least_bic(const std::vector<BlackBoxCandidate>& all) {
   return least;
 }
 
+// Rows until the slowest pole has come to 1/e.
+Index horizon_of(const InnovationForm& model) {
+  constexpr double kLeast = 2.0, kMost = 100.0;
+  const double radius = spectral_radius(model.A);
+  if (!(radius < 1.0)) return static_cast<Index>(kMost);
+  return static_cast<Index>(std::clamp(std::ceil(-1.0 / std::log(radius)), kLeast, kMost));
+}
+
+// The smallest order whose predictions up to the horizon are as good as the best, or its model by the prediction error method
+// where that does better.
+std::size_t best_for_control(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
+                             const BlackBoxOptions& options) {
+  search.horizon = options.horizon.value_or(horizon_of(all[least_bic(all)].model));
+  const auto judge = [&](BlackBoxCandidate& each) {
+    judge_for_control(each, search.parts.rest, search.horizon);
+  };
+  for (BlackBoxCandidate& each : all) judge(each);
+  if (std::isnan(all.front().control)) {
+    throw InputError({}, fmt::format("held-out rows are too few for {} rows ahead", search.horizon),
+                     "longer recordings", "a shorter --steps, or a larger --hold-out");
+  }
+  const auto is_worse = [](const BlackBoxCandidate& a, const BlackBoxCandidate& b) {
+    return a.control < b.control;
+  };
+  const double best = std::max_element(all.begin(), all.end(), is_worse)->control;
+  const auto good = std::find_if(all.begin(), all.end(), [&](const BlackBoxCandidate& each) {
+    return each.control > best - kSameFit;
+  });
+  const auto chosen = static_cast<std::size_t>(good - all.begin());
+  if (search.structure != ModelStructure::states) return chosen;
+  all.push_back(candidate(search, all[chosen].order, Refinement::prediction_error, false));
+  judge(all.back());
+  return all.back().control > all[chosen].control ? all.size() - 1 : chosen;
+}
+
 // The order of least BIC and its neighbours by the prediction error method.
 void refine_likeliest(const ModelSearch& search, std::vector<BlackBoxCandidate>& all, int around) {
   const int order = all[least_bic(all)].order;
@@ -197,7 +237,9 @@ std::size_t by_output_error(const ModelSearch& search, std::vector<BlackBoxCandi
 }
 
 // Where nothing is said what the model is for: the likeliest one, unless another simulates better.
-std::size_t choose(const ModelSearch& search, std::vector<BlackBoxCandidate>& all) {
+std::size_t choose(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
+                   const BlackBoxOptions& options) {
+  if (search.purpose == BlackBoxPurpose::control) return best_for_control(search, all, options);
   if (search.structure != ModelStructure::states) {
     return search.simulates() && search.purpose == BlackBoxPurpose::simulation
                ? best_simulation(all)
@@ -222,8 +264,9 @@ std::size_t choose(const ModelSearch& search, std::vector<BlackBoxCandidate>& al
 }
 
 // The choice, fitted to all rows; a model whose predictions of them overflow is none.
-std::size_t choose_finite(const ModelSearch& search, std::vector<BlackBoxCandidate>& all) {
-  std::size_t chosen = choose(search, all);
+std::size_t choose_finite(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
+                          const BlackBoxOptions& options) {
+  std::size_t chosen = choose(search, all, options);
   for (;;) {
     BlackBoxCandidate& best = all[chosen];
     const bool of_states = best.polynomials.empty();
@@ -287,8 +330,10 @@ BlackBox description(const ModelSearch& search, const std::vector<BlackBoxCandid
                      const BlackBoxCandidate& chosen, const BlackBoxOptions& options) {
   BlackBox out;
   out.purpose = search.purpose == BlackBoxPurpose::automatic && search.has_inputs ? "automatic"
+                : search.purpose == BlackBoxPurpose::control                      ? "control"
                 : search.simulates()                                              ? "simulation"
                                                                                   : "prediction";
+  out.horizon = static_cast<long>(search.horizon);
   out.order = chosen.order;
   out.refinement = to_string(chosen.refinement, search.structure);
   out.lags = static_cast<long>(search.of_all.sums.lags);
@@ -297,7 +342,8 @@ BlackBox description(const ModelSearch& search, const std::vector<BlackBoxCandid
   out.singular_values = values.head(std::min<Index>(values.size(), 2 * options.most_order));
   for (const BlackBoxCandidate& each : all) {
     out.candidates.push_back({each.order, to_string(each.refinement, search.structure), each.bic,
-                              100.0 * each.simulation, 100.0 * each.prediction});
+                              100.0 * each.simulation, 100.0 * each.prediction,
+                              100.0 * each.control});
   }
   std::stable_sort(out.candidates.begin(), out.candidates.end(),
                    [](const auto& a, const auto& b) { return a.order < b.order; });
@@ -393,8 +439,8 @@ void add_characteristics(const ModelSearch& search, const Dataset& first,
   out.impulse_responses = impulse_responses(search.all, first, kResponse);
   out.step_responses = step_responses(model, moves, point, first, kResponse);
   out.frequency_responses = frequency_responses(model, moves, search.all, first);
-  const std::vector<long> delays = input_delays(search.of_all.sums);
-  for (std::size_t j = 0; j < delays.size(); ++j) out.delays.push_back({out.inputs[j], delays[j]});
+  out.delays = input_delays(search.of_all.sums);
+  for (std::size_t j = 0; j < out.delays.size(); ++j) out.delays[j].input = out.inputs[j];
 }
 
 // Fit of the outputs by the inputs alone, from a first state that the first rows tell.
@@ -422,7 +468,10 @@ void simulate_all(const ModelSearch& search, const BlackBoxCandidate& chosen,
 // What the candidates' fits say of the answer.
 Findings judged(const ModelSearch& search, const BlackBoxCandidate& chosen) {
   Findings out;
-  const double fit = search.simulates() ? chosen.simulation : chosen.prediction;
+  const bool controls = search.purpose == BlackBoxPurpose::control;
+  const double fit = search.simulates() ? chosen.simulation
+                     : controls         ? chosen.control
+                                        : chosen.prediction;
   constexpr double kNothing = 0.01;  // what a model of pure noise reaches by chance
   if (!(fit > kNothing)) {
     out.push_back(make_finding(
@@ -462,6 +511,10 @@ void check_options(const BlackBoxOptions& options) {
   if ((options.polynomials || options.delay) && options.structure == ModelStructure::states) {
     throw std::invalid_argument("estimate_black_box: polynomials and delay are of polynomials");
   }
+  if (options.horizon && !(*options.horizon >= 1 && *options.horizon <= 1000))
+    throw std::invalid_argument("estimate_black_box: a horizon from 1 to 1000 rows");
+  if (options.horizon && options.purpose != BlackBoxPurpose::control)
+    throw std::invalid_argument("estimate_black_box: a horizon is of control");
   if (options.delay && !(*options.delay >= 0 && *options.delay <= kMostDelay))
     throw std::invalid_argument("estimate_black_box: a delay from 0 to 100 rows");
 }
@@ -476,10 +529,10 @@ std::vector<Index> delays_of(const ModelSearch& search, const BlackBoxOptions& o
   }
   std::vector<Index> out(static_cast<std::size_t>(m), options.delay.value_or(0));
   if (options.delay) return out;
-  const std::vector<long> found = input_delays(search.of_all.sums);
+  const std::vector<BlackBox::Delay> found = input_delays(search.of_all.sums);
   for (std::size_t j = 0; j < found.size(); ++j) {
-    const bool seen = found[j] < search.of_all.sums.lags;
-    out[j] = seen ? static_cast<Index>(found[j]) : 1;
+    const bool seen = found[j].rows < search.of_all.sums.lags;
+    out[j] = seen ? static_cast<Index>(found[j].rows) : 1;
   }
   return out;
 }
@@ -576,13 +629,16 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   search.purpose = options.purpose;
   search.structure = options.structure;
   if (options.structure != ModelStructure::states) search.delays = delays_of(search, options);
-  if (search.purpose == BlackBoxPurpose::simulation && !search.has_inputs) {
-    throw std::invalid_argument("estimate_black_box: without inputs nothing can be simulated");
+  const bool by_inputs =
+      search.purpose == BlackBoxPurpose::simulation || search.purpose == BlackBoxPurpose::control;
+  if (by_inputs && !search.has_inputs) {
+    throw std::invalid_argument(
+        "estimate_black_box: without inputs nothing can be simulated or controlled");
   }
   const bool of_states = options.structure == ModelStructure::states;
   std::vector<BlackBoxCandidate> tried =
       of_states ? candidates(search, options) : polynomial_candidates(search, options);
-  BlackBoxCandidate& chosen = tried[choose_finite(search, tried)];
+  BlackBoxCandidate& chosen = tried[choose_finite(search, tried, options)];
   take_level(search, chosen);
 
   BlackBoxResult out;
@@ -603,6 +659,10 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   }
   append(estimate.findings, left);
   append(estimate.findings, judged(search, chosen));
+  BlackBox& box = estimate.black_box;
+  box.nonlinearities =
+      nonlinearities(chosen.model, search.all, box.inputs, box.outputs, search.of_all.sums.lags);
+  append(estimate.findings, check_linearity(box.nonlinearities));
   conclude(estimate, fmt::format("{} states", chosen.order));
   return out;
 }

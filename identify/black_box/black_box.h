@@ -18,6 +18,9 @@ enum class BlackBoxPurpose {
   automatic,   ///< the likeliest model, unless another simulates better
   simulation,  ///< outputs from inputs alone
   prediction,  ///< the next row from all before
+  /// All rows up to a horizon ahead alike, from all before and the inputs until then: what a predictive controller minimises
+  /// (Shook, Mohtadi and Shah 1992).
+  control,
 };
 
 /// What kind of model; all but the first are polynomials of every output by itself (lib/polynomial/polynomial_model.h).
@@ -38,6 +41,8 @@ struct BlackBoxOptions {
   /// Rows until every input is seen, of polynomials, at most 100; none: as Wald's test tells (BlackBox::delays).
   std::optional<Eigen::Index> delay = {};
   BlackBoxPurpose purpose = BlackBoxPurpose::automatic;
+  /// Rows ahead that control looks, 1 to 1000; none: until the slowest pole of the likeliest model has come to 1/e, 2 to 100.
+  std::optional<Eigen::Index> horizon = {};
   /// Of every recording, at its end, that candidates are judged on. The model that is chosen is estimated anew
   /// from all rows. Above 0, below 0.8.
   double held_out_share = 0.3;

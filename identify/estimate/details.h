@@ -83,7 +83,7 @@ struct Forecast {
 
 /// A model from data alone: what was tried, what was chosen (identify/black_box/black_box.h).
 struct BlackBox {
-  std::string purpose;  ///< "simulation" or "prediction"
+  std::string purpose;  ///< "automatic", "simulation", "prediction" or "control"
   int order = 0;        ///< states of the model that was chosen
   /// How it was found: "states", "simulation", "output_error" or "prediction_error"; of polynomials "arx", "armax",
   /// "output_error" or "box_jenkins".
@@ -97,8 +97,10 @@ struct BlackBox {
     double bic = kNone;  ///< of the one-step predictions, k log(rows) - 2 L
     /// Fit of the held-out rows in per cent, mean over the outputs.
     double simulation_fit = kNone, prediction_fit = kNone;
+    double control_fit = kNone;  ///< of the predictions 1 to `horizon` rows ahead together
   };
   std::vector<Candidate> candidates;
+  long horizon = 0;  ///< rows ahead that count for control; 0: control is not the purpose
   /// Of A; one of each conjugate pair.
   struct Pole {
     double real = kNone, imaginary = kNone, real_se = kNone, imaginary_se = kNone;
@@ -125,8 +127,22 @@ struct BlackBox {
   struct Delay {
     std::string input;
     long rows = 0;
+    /// What it may have done before, by the largest response to it: two standard errors of the responses there.
+    double before = kNone;
   };
   std::vector<Delay> delays;
+  /// A curve that a linear model has not, and that the recordings ask for.
+  struct Nonlinearity {
+    /// "input": of an input, in its place; "output": of an output, where it is measured; "feedback": of an output, in
+    /// the place of an input.
+    std::string place;
+    std::string shape;          ///< "square", "cube" or "absolute value"
+    std::string input, output;  ///< empty where none takes part
+    double p = kNone;           ///< that a linear system shows as much, of this curve by itself
+    double of_innovations = kNone,
+           of_simulation = kNone;  ///< share of their squares that it explains
+  };
+  std::vector<Nonlinearity> nonlinearities;  ///< the one that explains most first
   /// What an output does behind a unit of an input, without a model: by regularised least squares.
   struct ImpulseResponse {
     std::string input, output;

@@ -61,6 +61,14 @@ struct DerivedValue {
   double se = kNone;
 };
 
+/// A function that parameters stand for, with its error carried over.
+struct EstimatedCurve {
+  std::string name, unit;
+  std::string axis, axis_unit;    ///< what it runs over
+  Eigen::VectorXd at, value, se;  ///< of equal length
+  double freedom = kNone;         ///< by how many free numbers it follows the data; of smooth ones
+};
+
 struct Identifiability {
   int rank = 0;
   int of = 0;
@@ -137,6 +145,7 @@ struct Estimate {
   Objective objective;
   Identifiability identifiability;
   std::vector<DerivedValue> derived;
+  std::vector<EstimatedCurve> curves;
   Findings findings;               ///< printed() of them are the warnings of a result
   std::vector<std::string> notes;  ///< tables and remarks for people, line by line
 };

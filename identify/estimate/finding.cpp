@@ -10,7 +10,7 @@
 namespace identikal {
 namespace {
 
-constexpr std::array<FindingKind, 110> kKinds = {{
+constexpr std::array<FindingKind, 111> kKinds = {{
     {FindingCode::stopped, "stopped", Severity::serious, Severity::serious, Status::not_converged,
      Rank::stopped, InMessage::text, "The caller stopped the work: what stands is of a part of it"},
     {FindingCode::no_coloured_noise, "no_coloured_noise", Severity::serious, Severity::serious,
@@ -203,6 +203,9 @@ constexpr std::array<FindingKind, 110> kKinds = {{
     {FindingCode::heavy_tails, "heavy_tails", Severity::serious, Severity::serious,
      Status::untrusted, Rank::other, InMessage::misfit,
      "The innovations' variance is more than 10 % above that of their bulk, by rare large ones"},
+    {FindingCode::nonlinear, "nonlinear", Severity::warning, Severity::serious, Status::untrusted,
+     Rank::other, InMessage::misfit,
+     "A linear model is not enough: a curve of a channel explains part of what it leaves"},
     {FindingCode::methods_disagree, "methods_disagree", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing, "Two methods differ by more than their errors"},
     {FindingCode::several_maxima, "several_maxima", Severity::note, Severity::serious,

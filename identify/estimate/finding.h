@@ -102,6 +102,7 @@ enum class FindingCode {
   innovations_change_size,
   depends_on_sampling,
   heavy_tails,
+  nonlinear,
   methods_disagree,
   several_maxima,
   evaluation_method,

@@ -142,6 +142,7 @@ std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
     auto out = std::make_unique<RecordingsLikelihood>(model_, *digests_);
     out->prior_box_ = prior_box_;
     out->multipliers_ = multipliers_;
+    out->roughness_weights_ = roughness_weights_;
     return out;
   }
   auto out = std::make_unique<RecordingsLikelihood>(model_, recordings_, method_);
@@ -157,6 +158,7 @@ std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
   if (!first_outputs_.empty()) out->condition_on_beginning();
   out->prior_box_ = prior_box_;
   out->multipliers_ = multipliers_;
+  out->roughness_weights_ = roughness_weights_;
   return out;
 }
 
@@ -282,8 +284,47 @@ bool RecordingsLikelihood::tighten_constraints(const ParameterSet& at) {
   return first || open;
 }
 
+namespace {
+
+VectorXd values_at_knots(const SplineCurve& curve, const ParameterSet& at) {
+  return values_of(at)(curve.values);
+}
+
+double roughness_density(const std::vector<SplineCurve>& curves, const VectorXd& weights,
+                         const ParameterSet& at) {
+  double out = 0.0;
+  for (Eigen::Index c = 0; c < weights.size(); ++c) {
+    const SplineCurve& curve = curves[static_cast<std::size_t>(c)];
+    const VectorXd f = values_at_knots(curve, at);
+    if (weights[c] > 0.0) out -= 0.5 * weights[c] * f.dot(spline_roughness(curve.knots) * f);
+  }
+  return out;
+}
+
+}  // namespace
+
+const Likelihood& RecordingsLikelihood::with_roughness(const Likelihood& of_data,
+                                                       const ParameterSet& at, bool with_gradient) {
+  smoothed_ = of_data;
+  smoothed_.value += roughness_density(model_.curves, roughness_weights_, at);
+  if (!with_gradient) return smoothed_;
+  for (Eigen::Index c = 0; c < roughness_weights_.size(); ++c) {
+    const SplineCurve& curve = model_.curves[static_cast<std::size_t>(c)];
+    const auto knots = static_cast<Eigen::Index>(curve.knots.size());
+    MatrixXd values = MatrixXd::Zero(knots, static_cast<Eigen::Index>(at.size()));
+    for (Eigen::Index k = 0; k < knots; ++k)
+      values(k, curve.values[static_cast<std::size_t>(k)]) = 1.0;
+    const MatrixXd by = by_entries(values, at);
+    const MatrixXd R = roughness_weights_[c] * spline_roughness(curve.knots);
+    smoothed_.gradient -= by.transpose() * (R * values_at_knots(curve, at));
+    smoothed_.information += by.transpose() * R * by;
+  }
+  return smoothed_;
+}
+
 double RecordingsLikelihood::log_density_beside_data(const ParameterSet& at) const {
-  const double out = stated_priors_at(at).value;
+  const double out =
+      stated_priors_at(at).value + roughness_density(model_.curves, roughness_weights_, at);
   if (multipliers_.w.size() == 0) return out;
   const ConstraintResiduals rows = constraint_residuals(
       model_.constraints, multipliers_, constraint_values(model_.constraints, values_of(at)));
@@ -295,8 +336,10 @@ const Likelihood* RecordingsLikelihood::complete(const Likelihood& of_data, cons
   if (of_data.status != FilterStatus::ok) return nullptr;
   const Likelihood& weighed = prior_box_ ? with_priors(of_data, at, with_gradient) : of_data;
   if (weighed.status != FilterStatus::ok) return nullptr;
-  if (multipliers_.w.size() == 0) return &weighed;
-  const Likelihood& held = with_constraints(weighed, at, with_gradient);
+  const Likelihood& smoothed =
+      roughness_weights_.size() > 0 ? with_roughness(weighed, at, with_gradient) : weighed;
+  if (multipliers_.w.size() == 0) return &smoothed;
+  const Likelihood& held = with_constraints(smoothed, at, with_gradient);
   return held.status == FilterStatus::ok ? &held : nullptr;
 }
 

@@ -72,7 +72,12 @@ class RecordingsLikelihood {
   /// Of the constraints; before tighten_constraints() none.
   const Multipliers& multipliers() const { return multipliers_; }
 
-  /// What priors and constraints have added to the log-likelihood there.
+  /// From here on the roughness of the model's smooth curves counts: to the log-likelihood is added -1/2 w f' R f of each, f its
+  /// values at the knots (lib/model/spline_curve.h). @param w  one of each curve of the model, not negative
+  void weigh_roughness(const Eigen::VectorXd& w) { roughness_weights_ = w; }
+  bool weighs_roughness() const { return roughness_weights_.size() > 0; }
+
+  /// What priors, constraints and roughness have added to the log-likelihood there.
   double log_density_beside_data(const ParameterSet& at) const;
 
   /// The same function with memory of its own, for another thread.
@@ -132,6 +137,8 @@ class RecordingsLikelihood {
                                 bool with_gradient);
   const Likelihood& with_constraints(const Likelihood& of_data, const ParameterSet& at,
                                      bool with_gradient);
+  const Likelihood& with_roughness(const Likelihood& of_data, const ParameterSet& at,
+                                   bool with_gradient);
   // What counts beside the data, put in.
   const Likelihood* complete(const Likelihood& of_data, const ParameterSet& at, bool with_gradient);
 
@@ -151,8 +158,9 @@ class RecordingsLikelihood {
   LikelihoodEngine beginning_;
   Likelihood conditional_;
   std::optional<Box> prior_box_;  // where priors count
-  Likelihood posterior_, constrained_;
+  Likelihood posterior_, constrained_, smoothed_;
   Multipliers multipliers_;
+  Eigen::VectorXd roughness_weights_;         // empty: it does not count
   std::vector<std::unique_ptr<Part>> parts_;  // empty: all recordings go through one model
   Likelihood of_parts_;
   StateSpace system_;

@@ -354,6 +354,12 @@ Model checked(Model model, const std::vector<Dataset>& recordings) {
 }
 
 void refuse_constraints(const Model& model, const std::string& what) {
+  for (const SplineCurve& curve : model.curves) {
+    if (!curve.smooth) continue;
+    throw InputError({model.source, 0, 0},
+                     fmt::format("{} with the smooth curve '{}'", what, curve.name),
+                     "a curve that is not smooth", "'tune --method ml' and 'fit' learn how smooth");
+  }
   if (model.constraints.empty()) return;
   throw InputError({model.source, 0, 0},
                    fmt::format("{} with the constraint '{}'", what, model.constraints.text[0]),

@@ -43,7 +43,7 @@ Model checked(Model model, const std::vector<Dataset>& recordings);
 /// @param inputs  may be null
 Model checked_with_inputs(Model model, const Dataset* inputs);
 
-/// @param what  has no place for constraints between parameters: "als"
+/// @param what  has no place for constraints between parameters and for smooth curves: "als"
 /// @throws InputError where the model has any
 void refuse_constraints(const Model& model, const std::string& what);
 

@@ -77,28 +77,11 @@ std::string weighted(const VectorXd& weights, const std::vector<std::string>& na
   return out.empty() ? "0*" + names.front() : out;
 }
 
-// 1, z, z^2, z^3, and max(0, z - z_k)^3 of the inner knots but the outermost two: as many as there are knots, so that
-// every cubic is among the curves ("not a knot"). Or their slopes.
-VectorXd spline_basis(const std::vector<double>& knots, double z, bool slope) {
-  const std::size_t n = knots.size();
-  VectorXd out(static_cast<Index>(n));
-  for (std::size_t k = 0; k < n; ++k) {
-    const int power = k < 4 ? static_cast<int>(k) : 3;
-    const double from = k < 4 ? z : std::max(0.0, z - knots[k - 2]);
-    out[static_cast<Index>(k)] =
-        slope ? (power == 0 ? 0.0 : power * std::pow(from, power - 1)) : std::pow(from, power);
-  }
-  return out;
-}
-
 std::string spline_formula(const Axis& axis, const std::string& z,
                            const std::vector<std::string>& values) {
   const std::vector<double>& knots = axis.knots;
   const auto n = static_cast<Index>(knots.size());
-  MatrixXd at_knots(n, n);
-  for (Index i = 0; i < n; ++i)
-    at_knots.row(i) = spline_basis(knots, knots[static_cast<std::size_t>(i)], false).transpose();
-  const MatrixXd M = at_knots.fullPivLu().inverse();  // rows: coefficients by the values
+  const MatrixXd M = spline_coefficients(knots);
   const double last = knots.back();
   const std::string inside = fmt::format("min(max(0, {}), {:.15g})", z, last);
   std::string out = fmt::format("({})", weighted(M.row(0), values));
@@ -111,8 +94,7 @@ std::string spline_formula(const Axis& axis, const std::string& z,
                          beyond(inside, knots[static_cast<std::size_t>(k) - 2]));
   }
   // Outside of the knots straight on.
-  const VectorXd begin = M.transpose() * spline_basis(knots, 0.0, true),
-                 end = M.transpose() * spline_basis(knots, last, true);
+  const VectorXd begin = spline_weights(knots, 0.0, true), end = spline_weights(knots, last, true);
   out += fmt::format(" + ({})*min(0, {})", weighted(begin, values), z);
   return out + fmt::format(" + ({})*{}", weighted(end, values), beyond(z, last));
 }
@@ -145,12 +127,16 @@ class CurveWriter {
         what_("curve '" + name.text + "'") {}
 
   Node write() {
-    check_keys(node_, what_, {"spline", "table", "knots", "values", "unit"});
+    check_keys(node_, what_, {"spline", "table", "knots", "values", "unit", "smooth"});
     const Node* spline = find(node_, "spline");
     const Node* table = find(node_, "table");
     if ((spline == nullptr) == (table == nullptr)) {
       throw InputError(node_.at, fmt::format("{} without 'spline' or 'table', or with both", what_),
                        "one of them: {spline: x, knots: [-1, 0, 1]}");
+    }
+    if (const Node* smooth = find(node_, "smooth"); smooth != nullptr && table != nullptr) {
+      throw InputError(smooth->at, fmt::format("{}: 'smooth' of a table", what_),
+                       "of a spline alone", "write 'spline' in place of 'table'");
     }
     const Node& knots = required(node_, "knots", what_, "knots: [-1, 0, 1]");
     if (spline != nullptr) return of_one(read_axis(*spline, knots, what_, 3, kMostKnots), true);
@@ -264,6 +250,34 @@ YamlNode with_curves(YamlNode root) {
   }
   value_at(root, "let") = std::move(definitions);
   return root;
+}
+
+std::vector<SplineCurve> spline_curves(const YamlNode& root, const ParameterSet& parameters) {
+  std::vector<SplineCurve> out;
+  const Node* let = root.kind == Node::Kind::mapping ? find(root, "let") : nullptr;
+  if (let == nullptr || let->kind != Node::Kind::mapping) return out;
+  for (std::size_t i = 0; i < let->keys.size(); ++i) {
+    const Node& given = let->items[i];
+    const Node* over = given.kind == Node::Kind::mapping ? find(given, "spline") : nullptr;
+    if (over == nullptr) continue;
+    const std::string what = "curve '" + let->keys[i].text + "'";
+    const Axis axis = read_axis(*over, *find(given, "knots"), what, 3, kMostKnots);
+    SplineCurve curve;
+    curve.name = let->keys[i].text;
+    curve.knots = axis.knots;
+    curve.axis = axis.formula;
+    curve.axis_unit = axis.unit_name;
+    curve.distance = axis.unit;
+    curve.origin = split_quantity(find(given, "knots")->items.front().text)->number;
+    if (const Node* smooth = find(given, "smooth"))
+      curve.smooth = word_of(*smooth, "'smooth' of " + what, {"true", "false"}) == "true";
+    for (std::size_t k = 1; k <= axis.knots.size(); ++k)
+      curve.values.push_back(find_parameter(parameters, fmt::format("{}_{}", curve.name, k)));
+    const bool all =
+        std::all_of(curve.values.begin(), curve.values.end(), [](int at) { return at >= 0; });
+    if (all) out.push_back(std::move(curve));
+  }
+  return out;
 }
 
 }  // namespace identikal

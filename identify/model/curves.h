@@ -1,7 +1,11 @@
 // Which formula is a function that nobody knows, given by its values at knots?
 #pragma once
 
+#include <vector>
+
 #include "identify/model/yaml_reader.h"
+#include "lib/model/parameter.h"
+#include "lib/model/spline_curve.h"
 
 namespace identikal {
 
@@ -14,7 +18,8 @@ namespace identikal {
 /// last but one knot the third derivative does not jump); outside of the knots it goes on straight. `table` in place of `spline` is straight between the knots; over two formulas, `table: [x, y]` with knots: [[...],
 /// [...]], it is linear in each of them and the value at knots i of x and j of y is force_i_j.
 ///
-/// The curve is linear in its values: as sharp as the knots are dense, and no sharper.
+/// The curve is linear in its values: as sharp as the knots are dense, and no sharper; with `smooth: true` as smooth as recordings
+/// ask for (identify/noise/ml.h).
 ///
 /// Example:
 ///
@@ -24,5 +29,9 @@ namespace identikal {
 /// Source: de Boor (1978), "A practical guide to splines", chapter IV.
 /// @throws InputError for unknown keys, knots that do not rise or are too few or too many, units that differ
 YamlNode with_curves(YamlNode root);
+
+/// The splines of `let`, before they are written out. @param parameters  of the model that was made of it
+/// @throws InputError for `smooth` that is neither true nor false
+std::vector<SplineCurve> spline_curves(const YamlNode& root, const ParameterSet& parameters);
 
 }  // namespace identikal

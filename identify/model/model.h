@@ -16,6 +16,7 @@
 #include "lib/model/linear_model.h"
 #include "lib/model/nonlinear_model.h"
 #include "lib/model/parameter.h"
+#include "lib/model/spline_curve.h"
 #include "lib/nonlinear/filter.h"
 #include "lib/vehicle/axle.h"
 
@@ -187,6 +188,7 @@ struct Model {
   StateReferences references;
   RecordingTable recordings;
   Constraints constraints;              ///< between parameters, by their positions
+  std::vector<SplineCurve> curves;      ///< of formulas: functions that parameters stand for
   std::optional<StudentNoise> student;  ///< none: the measurement noise is normal
   std::variant<LinearModel, FormulaModel, VehicleModel, RegressionModel> form;
 };

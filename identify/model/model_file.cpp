@@ -130,7 +130,8 @@ Model parse_model_file(const std::string& text, const std::string& path, Formula
 }
 
 Model model_of(const YamlNode& written, const std::string& path, FormulaReading reading) {
-  const YamlNode root = with_curves(with_sensors(with_components(with_still_state(written))));
+  const YamlNode with_parts = with_sensors(with_components(with_still_state(written)));
+  const YamlNode root = with_curves(with_parts);
   const std::string top = "the model file";
   std::vector<std::string> keys = kCommonKeys;
   keys.insert(keys.end(), kLinearKeys.begin(), kLinearKeys.end());
@@ -168,6 +169,7 @@ Model model_of(const YamlNode& written, const std::string& path, FormulaReading 
   const bool with_units =
       is_vehicle(out) || (states != nullptr && states->kind == YamlNode::Kind::mapping);
   read_constraints(root, with_units, out);
+  out.curves = spline_curves(with_parts, out.parameters);
   return out;
 }
 

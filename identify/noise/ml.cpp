@@ -18,6 +18,7 @@
 #include "identify/model/simulation_model.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/coloured_errors.h"
+#include "identify/noise/internal/curve_smoothness.h"
 #include "identify/noise/internal/equal_maxima.h"
 #include "identify/noise/internal/likelihood_errors.h"
 #include "identify/noise/internal/likelihood_intervals.h"
@@ -204,6 +205,7 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
       found = search();
     }
   }
+  const VectorXd freedom_of_curves = learn_smoothness(found, likelihood, factors, options);
   keep_constraints(found, likelihood, factors, options);
   const VectorXd best = factors.to(found.best.x);
   ParameterSet end = with_coordinates(parameters, best);
@@ -252,6 +254,7 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   if (options.pictures) estimate.pictures.searches = found.paths;
   if (options.pictures && !coloured && converged && determined) picture_profiles(estimate, maximum);
   if (!converged) withdraw_errors(estimate);
+  report_curves(estimate, model, end, freedom_of_curves);
   append(estimate.findings, check_search(estimate, found.best.summary));
   if (converged && determined) {
     append(estimate.findings, check_equal_maxima(estimate, found, problem, parameters, factors));

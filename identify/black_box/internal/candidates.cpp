@@ -290,7 +290,7 @@ void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recor
 
 void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out) {
   std::vector<MatrixXd> simulated, predicted;
-  const InnovationForm& model = candidate.model;
+  const InnovationForm& model = candidate.of_first = candidate.model;
   for (std::size_t k = 0; k < held_out.y.size(); ++k) {
     const VectorXd x0 = initial_state(model, held_out.y[k], held_out.u[k], kRowsForState);
     simulated.push_back(simulated_outputs(model, held_out.u[k], x0));
@@ -298,6 +298,41 @@ void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& hel
   }
   candidate.prediction = mean_fit(held_out.y, predicted);
   candidate.simulation = model.inputs() > 0 ? mean_fit(held_out.y, simulated) : kNan;
+}
+
+namespace {
+
+// Outputs that were recorded and what was predicted for them; one matrix for each row ahead.
+struct Ahead {
+  std::vector<MatrixXd> y, predicted;
+};
+
+void add_ahead(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u, Index horizon,
+               Index stride, Ahead& out) {
+  const Index from = std::min(kRowsForState, y.cols() / 4);
+  const Index places = (y.cols() - from - horizon) / stride + 1;
+  if (y.cols() - from < horizon) return;
+  const auto at = [&](Index k) { return Eigen::seqN(from + k, places, stride); };
+  const MatrixXd states = predictor_states(model, y, u, initial_state(model, y, u, kRowsForState));
+  MatrixXd x = states(Eigen::all, at(0));
+  for (Index k = 0; k < horizon; ++k) {
+    const MatrixXd here = u(Eigen::all, at(k));
+    out.y.push_back(y(Eigen::all, at(k)));
+    out.predicted.push_back(model.C * x + model.D * here);
+    x = (model.A * x + model.B * here).eval();
+  }
+}
+
+}  // namespace
+
+void judge_for_control(BlackBoxCandidate& candidate, const ScaledRecordings& held_out,
+                       Index horizon) {
+  constexpr Index kPlaces = 2000;
+  const Index stride = std::max<Index>(1, held_out.rows() / kPlaces);
+  Ahead ahead;
+  for (std::size_t k = 0; k < held_out.y.size(); ++k)
+    add_ahead(candidate.of_first, held_out.y[k], held_out.u[k], horizon, stride, ahead);
+  candidate.control = ahead.y.empty() ? kNan : mean_fit(ahead.y, ahead.predicted);
 }
 
 }  // namespace identikal

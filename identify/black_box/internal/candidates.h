@@ -45,12 +45,15 @@ struct BlackBoxCandidate {
   int order = 0;
   Refinement refinement = Refinement::none;
   InnovationForm model;                           ///< of scaled recordings
+  InnovationForm of_first = {};                   ///< the same, fitted to the first rows alone
   std::vector<PolynomialModel> polynomials = {};  ///< of every output; empty of others
   /// Of the predictions of all rows; NaN where it was not asked.
   double log_likelihood = std::numeric_limits<double>::quiet_NaN();
   double bic = std::numeric_limits<double>::quiet_NaN();
   double simulation = 0.0;  ///< fit of held-out rows, share of 1; NaN without inputs
   double prediction = 0.0;  ///< the same, one step ahead
+  double control =
+      std::numeric_limits<double>::quiet_NaN();  ///< the same, 1 to horizon steps ahead together
 };
 
 /// The model of an order, its sigma of the regression on the states; stable where its simulation has to be.
@@ -60,8 +63,11 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
 /// Fills sigma, log-likelihood and BIC by the predictions of the rows that it was fitted to.
 void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recordings,
                      const LaggedProducts& sums);
-/// Fills the fits of rows that were not seen, mean over outputs.
+/// Fills the fits of rows that were not seen by the model of the first rows, mean over outputs; takes it as that.
 void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out);
+/// Fills `control`: of the outputs 1 to `horizon` rows ahead together, inputs known, from at most 2000 places.
+void judge_for_control(BlackBoxCandidate& candidate, const ScaledRecordings& held_out,
+                       Eigen::Index horizon);
 
 /// Covariance of the one-step prediction errors, p x p, row by row behind as many first rows of each recording as the
 /// sums have lags; of the first 200 000 rows where there are more, or by the sums where the predictor forgets within

@@ -207,7 +207,7 @@ SteadyGain steady_gain(const InnovationForm& model, const std::vector<Move>& mov
   return out;
 }
 
-std::vector<long> input_delays(const LaggedProducts& sums) {
+std::vector<BlackBox::Delay> input_delays(const LaggedProducts& sums) {
   const Index p = sums.outputs, m = sums.inputs, q = p + m, size = sums.gram.rows() - p;
   if (m == 0 || sums.windows < 2 * size) return {};
   const MatrixXd G =
@@ -218,15 +218,22 @@ std::vector<long> input_delays(const LaggedProducts& sums) {
   const MatrixXd sigma = (sums.gram.topLeftCorner(p, p) - of_y.transpose() * f) /
                          static_cast<double>(sums.windows - size);
   const Eigen::LDLT<MatrixXd> of_sigma(sigma);
-  std::vector<long> out(static_cast<std::size_t>(m), 0);
+  std::vector<BlackBox::Delay> out(static_cast<std::size_t>(m));
   for (Index j = 0; j < m; ++j) {
+    BlackBox::Delay& delay = out[static_cast<std::size_t>(j)];
     for (Index d = 1; d <= sums.lags; ++d) {
       const auto lags = Eigen::seqN(j, d, q);
       const MatrixXd h = f(lags, Eigen::all), V = inverse(lags, lags);
       const double wald = (V.ldlt().solve(h) * of_sigma.solve(h.transpose())).trace();
       if (!(chi_square_upper_tail(wald, static_cast<double>(d * p)) > 0.01)) break;
-      out[static_cast<std::size_t>(j)] = d;
+      delay.rows = d;
     }
+    const auto early = Eigen::seqN(j, delay.rows, q);
+    if (delay.rows == 0 || delay.rows > sums.lags) continue;
+    const MatrixXd responses = f(Eigen::seqN(j, sums.lags + 1, q), Eigen::all);
+    const VectorXd largest = responses.cwiseAbs().colwise().maxCoeff().transpose();
+    const VectorXd sd = sigma.diagonal().cwiseSqrt().cwiseQuotient(largest);
+    delay.before = 2.0 * std::sqrt(inverse.diagonal()(early).maxCoeff()) * sd.minCoeff();
   }
   return out;
 }

@@ -41,7 +41,8 @@ struct SteadyGain {
 SteadyGain steady_gain(const InnovationForm& model, const std::vector<Move>& moves);
 
 /// Rows after which each input is first seen: the largest number of leading responses to it that are all zero
-/// for Wald's test at 1 %, by the regression on all lags.
-std::vector<long> input_delays(const LaggedProducts& sums);
+/// for Wald's test at 1 %, by the regression on all lags. `before`: what these tell apart from zero.
+/// @return of every input, without its name; empty of recordings too short
+std::vector<BlackBox::Delay> input_delays(const LaggedProducts& sums);
 
 }  // namespace identikal

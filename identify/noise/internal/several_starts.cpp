@@ -131,13 +131,14 @@ struct Search {
 
 class Searches {
  public:
+  // @param squares  without noise of unknown size a simulation's likelihood is its squares: nothing counts beside them
   Searches(const Model& model, const FactorCoordinates& factors, const NoiseMlOptions& options,
-           std::vector<VectorXd> starts, double samples, bool shot)
+           std::vector<VectorXd> starts, double samples, bool shot, bool squares = true)
       : options_(options),
         most_(shot ? kFromShot : kApproach),
         starts_(std::move(starts)),
         exact_slopes_(rows_have_no_order(model, model.parameters)),
-        scales_(scales_to_profile(model)),
+        scales_(squares ? scales_to_profile(model) : std::nullopt),
         roots_(model, factors),
         scale_(model, factors, samples),
         samples_(samples) {}
@@ -514,7 +515,7 @@ void search_again(SeveralStarts& found, RecordingsLikelihood& likelihood,
   const LikelihoodProblem by_entries = likelihood.problem();
   const LikelihoodProblem problem = factors.problem(by_entries);
   Searches searches(likelihood.model(), factors, options, {found.best.x}, likelihood.samples(),
-                    found.shot);
+                    found.shot, !likelihood.weighs_roughness());
   const Search again = searches.run(problem, 0, std::nullopt);
   const double gain = again.solution.summary.objective - found.best.summary.objective;
   found.iterations += again.solution.summary.iterations;

@@ -15,7 +15,7 @@ function orderCurve(box) {
     }));
   };
   return [drawn("Order", "bic", "BIC"), drawn("Held-out rows, simulated", "simulation_fit", "fit [%]"),
-    drawn("Held-out rows, one step ahead", "prediction_fit", "fit [%]")];
+    drawn("Held-out rows, one step ahead", "prediction_fit", "fit [%]"), drawn(`Held-out rows, 1 to ${box.horizon} ahead`, "control_fit", "fit [%]")];
 }
 
 // Poles in the plane of q with 95 % intervals of both parts; the mirrored ones too.
@@ -76,10 +76,21 @@ function polynomialTable({ polynomials, output_names: outputs }) {
   return table(["polynomial", "power", "#coefficient", "#standard error"], rows);
 }
 
+// Curves that a linear model has not.
+function nonlinearityTable({ nonlinearities }) {
+  if (!nonlinearities.length) return null;
+  const places = { input: "in its place", output: "where it is measured" };
+  const share = (v) => (known(v) ? num(100 * v, 3) : "–");
+  return table(["curve", "where", "#of the innovations' squares [%]", "#of the simulation's [%]", "#p"], nonlinearities.slice(0, 8).map((c) => [
+    `${c.shape} of ${c.place === "input" ? c.input : c.output}`, places[c.place] ?? `acting like ${c.input}`, share(c.of_innovations), share(c.of_simulation), num(c.p, 2)]));
+}
+
 function showBlackBox() {
   const box = result.black_box;
   if (!box) return;
   section("order", "Order", grid(orderCurve(box)), key(["k-accent", `found by ${spaced(box.refinement)}`], ["k-contrast", "the other candidates"], ["k-quiet k-dash", "chosen"]));
+  const curves = nonlinearityTable(box);
+  if (curves) section("linearity", "What a linear model lacks", curves);
   section("poles", "Poles", grid(poleMap(box)), polynomialTable(box), key(["k-accent", "poles of the model"], ["k-contrast", "95 % regions"]));
   section("responses", "Responses", grid(box.step_responses.map((r) => overRows("Step", r, "accent")), box.impulse_responses.map((r) => overRows("Impulse without a model", r, "contrast"))),
     box.step_responses.length ? key(["k-accent", "model, with its 95 % band"], ["k-contrast", "by regularised least squares, with its 95 % band"]) : null);

@@ -4,7 +4,7 @@ file(READ ${SOURCE}/page.html page)
 file(READ ${SOURCE}/page.css page_css)
 # One script, in this order: what draws, what there is to show, the sections, the page.
 set(page_js "")
-foreach(part text chart time_plot blocks summary parameters signals whiteness vehicle handling black_box likelihood recordings page)
+foreach(part text chart time_plot blocks summary parameters signals whiteness vehicle handling curves black_box likelihood recordings page)
   file(READ ${SOURCE}/${part}.js script)
   string(APPEND page_js "${script}\n")
 endforeach()

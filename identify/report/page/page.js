@@ -3,6 +3,7 @@
 showHeader();
 showStatus();
 showHandling();
+showCurves();
 showBlackBox();
 showParameters();
 showPredictions();

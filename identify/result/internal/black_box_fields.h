@@ -21,6 +21,7 @@ void describe(Fields& fields, BlackBox::Candidate& candidate) {
   fields("bic", candidate.bic, "of its one-step predictions");
   fields("simulation_fit", candidate.simulation_fit, "of held-out rows, mean over the outputs [%]");
   fields("prediction_fit", candidate.prediction_fit, "the same, one step ahead [%]");
+  fields("control_fit", candidate.control_fit, "the same, all rows up to the horizon ahead [%]");
 }
 
 template <class Fields>
@@ -62,6 +63,24 @@ void describe(Fields& fields, BlackBox::Delay& delay) {
   fields.is("InputDelay", "When an input is first seen.");
   fields("input", delay.input, "name of the input");
   fields("rows", delay.rows, "rows after which some output shows it");
+  fields("before", delay.before,
+         "what it may have done before, by the largest response to it: two standard errors");
+}
+
+template <class Fields>
+void describe(Fields& fields, BlackBox::Nonlinearity& curve) {
+  fields.is("BlackBoxNonlinearity",
+            "A curve that a linear model has not, and that the recordings ask for.");
+  fields(
+      "place", one_of(curve.place, {"input", "output", "feedback"}),
+      "input: in place of an input; output: where an output is measured; feedback: of an output, "
+      "in place of an input");
+  fields("shape", one_of(curve.shape, {"square", "cube", "absolute value"}), "of the signal");
+  fields("input", curve.input, "name of the input");
+  fields("output", curve.output, "name of the output");
+  fields("p", curve.p, "that a linear system shows as much, of this curve by itself");
+  fields("of_innovations", curve.of_innovations, "share of their squares that it explains");
+  fields("of_simulation", curve.of_simulation, "the same of the simulation's errors");
 }
 
 template <class Fields>
@@ -107,7 +126,7 @@ void describe(Fields& fields, BlackBox::FrequencyResponse& response) {
 template <class Fields>
 void describe(Fields& fields, BlackBox& box) {
   fields.is("BlackBox", "A model from data alone: what was tried, what was chosen.");
-  fields("purpose", one_of(box.purpose, {"automatic", "simulation", "prediction"}),
+  fields("purpose", one_of(box.purpose, {"automatic", "simulation", "prediction", "control"}),
          "what it is to be good at");
   fields("order", box.order, "number of states");
   fields("refinement", one_of(box.refinement, kRefinements), "how its matrices were found");
@@ -119,7 +138,9 @@ void describe(Fields& fields, BlackBox& box) {
   fields("poles", box.poles, "of the model");
   fields("polynomials", box.polynomials, "of ARX, ARMAX, output-error and Box-Jenkins models");
   fields("operating_point", box.operating_point, "what its signals are deviations from");
+  fields("horizon", box.horizon, "rows ahead that count for control; 0: not the purpose");
   fields("delays", box.delays, "of the inputs");
+  fields("nonlinearities", box.nonlinearities, "curves that recordings ask for, most first");
   fields("impulse_responses", box.impulse_responses, "by regularised least squares");
   fields("step_responses", box.step_responses, "of the model");
   fields("frequency_responses", box.frequency_responses, "of the model and by spectral analysis");

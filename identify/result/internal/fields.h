@@ -605,4 +605,18 @@ void describe(Fields& fields, DerivedValue& derived) {
   fields("se", derived.se, "standard error, carried over from the parameters");
 }
 
+template <class Fields>
+void describe(Fields& fields, EstimatedCurve& curve) {
+  fields.is("EstimatedCurve", "A function that parameters stand for.");
+  fields("name", curve.name, "its name in the model file");
+  fields("unit", curve.unit, "of value and se");
+  fields("axis", curve.axis, "what it runs over");
+  fields("axis_unit", curve.axis_unit, "of at");
+  fields("at", curve.at, "from the first knot to the last");
+  fields("value", curve.value, "there");
+  fields("se", curve.se, "standard errors, carried over from the parameters");
+  fields("freedom", curve.freedom,
+         "by how many free numbers it follows the data; null: its roughness does not count");
+}
+
 }  // namespace identikal

@@ -141,12 +141,17 @@ void add_new_keys(Json& result) {
   };
   add("", "handling", nullptr);
   add("", "forecast", nullptr);
+  add("", "curves", Json::array());
   add("", "black_box", nullptr);
   for (const char* key : {"polynomials", "step_responses", "frequency_responses"})
     add("black_box", key, Json::array());
   for (const char* key : {"frequency_se", "damping_se", "time_constant_se"})
     add("black_box/poles/*", key, nullptr);
   add("black_box/impulse_responses/*", "kernel", "TC");
+  add("black_box/candidates/*", "control_fit", nullptr);
+  add("black_box/delays/*", "before", nullptr);
+  add("black_box", "horizon", 0);
+  add("black_box", "nonlinearities", Json::array());
   add("objective", "diffuse_samples", 0);
   add("objective", "leading", Json::array());
   add("objective", "bic_values", nullptr);

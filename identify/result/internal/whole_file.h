@@ -161,6 +161,7 @@ void describe(Fields& fields, WholeFile& file) {
   describe_quality(fields, file);
   describe_details(fields, file);
   fields("derived", file.core.derived, "quantities computed from the parameters");
+  fields("curves", file.core.curves, "functions that parameters stand for");
   fields("warnings", Printed{file.core.findings}, "all findings but those that the status says");
   fields("notes", file.core.notes, "tables and remarks of the console, line by line");
   fields("timing_s", file.timing_s, "wall time of the job [s]");

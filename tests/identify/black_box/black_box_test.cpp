@@ -3,7 +3,9 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
@@ -272,6 +274,86 @@ TEST(BlackBox, BadRecordingsAreRefusedInOneLine) {
   Record gaps = recorded(Plant{}, 500, 14);
   for (Index t = 0; t < 500; t += 3) gaps.y[t] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(found(gaps), InputError);
+}
+
+// A lag with a curve before it, behind it, or within it; noise of a tenth.
+// @param curve  of the input, of the output, of the state as a force
+template <typename OfInput, typename OfOutput, typename Force>
+Record curved(std::uint64_t seed, const OfInput& of_input, const OfOutput& of_output,
+              const Force& force) {
+  Random random(seed);
+  Record out{VectorXd(3000), VectorXd(3000)};
+  double x = 0.0;
+  for (Index t = 0; t < 3000; ++t) {
+    out.u[t] = random.normal();
+    out.y[t] = of_output(x) + 0.1 * random.normal();
+    x = 0.8 * x + 0.6 * of_input(out.u[t]) + force(x);
+  }
+  return out;
+}
+
+TEST(BlackBox, NamesTheCurveThatALinearModelLacks) {
+  const auto same = [](double x) { return x; };
+  const auto none = [](double /*x*/) { return 0.0; };
+  const auto square = [](double x) { return x + 0.3 * x * x; };
+  const auto spring = [](double x) { return -0.1 * x * x * x; };
+  const Record of_input = curved(11, square, same, none),
+               of_output = curved(12, same, square, none), within = curved(13, same, same, spring);
+  const auto first = [](const Record& record) {
+    const BlackBoxResult result = found(record);
+    EXPECT_EQ(result.estimate.status, Status::untrusted) << result.estimate.message;
+    const auto& curves = result.estimate.black_box.nonlinearities;
+    return curves.empty() ? std::string("none") : curves[0].place + " " + curves[0].shape;
+  };
+  EXPECT_EQ(first(of_input), "input square");
+  EXPECT_EQ(first(of_output), "output square");
+  EXPECT_EQ(first(within), "feedback cube");
+}
+
+TEST(BlackBox, ALinearSystemLacksNoCurve) {
+  // At 0.1 % each by Bonferroni's bound, two or more of 60 come in 0.2 % of such tests; the seeds are fixed.
+  int alarms = 0;
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    const Record record = recorded(Plant{}, 1000, 500 + seed, seed % 2 == 0 ? 0.0 : 0.2);
+    alarms +=
+        found(record, {.least_order = 3, .most_order = 3}).estimate.black_box.nonlinearities.empty()
+            ? 0
+            : 1;
+  }
+  EXPECT_LE(alarms, 1);
+}
+
+TEST(BlackBox, ForControlRowsUpToTheHorizonCountAlike) {
+  const Record record = recorded(Plant{}, 3000, 14);
+  const auto fits = [&](std::optional<Index> horizon) {
+    const BlackBox box = found(record, {.least_order = 3,
+                                        .most_order = 3,
+                                        .purpose = BlackBoxPurpose::control,
+                                        .horizon = horizon})
+                             .estimate.black_box;
+    EXPECT_EQ(box.purpose, "control");
+    return std::pair(box.horizon, box.candidates[0]);
+  };
+  // One row ahead is a prediction; far ahead a simulation, but for the first rows.
+  const auto [one, near] = fits(1);
+  EXPECT_NEAR(near.control_fit, near.prediction_fit, 0.5);
+  const auto [far, late] = fits(300);
+  EXPECT_NEAR(late.control_fit, late.simulation_fit, 2.0);
+  EXPECT_LT(late.control_fit, near.control_fit);
+  // The slowest pole's radius is 0.92: 1/e after twelve rows.
+  EXPECT_NEAR(static_cast<double>(fits({}).first), 12.0, 1.0);
+}
+
+TEST(BlackBox, WhatADelayedInputMayHaveDoneBeforeIsSaid) {
+  Record record = recorded(Plant{}, 2000, 15);
+  VectorXd late = VectorXd::Zero(2000);
+  late.tail(1995) = record.y.head(1995);
+  record.y = late;
+  const BlackBox::Delay delay = found(record).estimate.black_box.delays[0];
+  EXPECT_EQ(delay.rows, 6);
+  // Two errors of a response, 0.3 of noise over the root of 2000 rows of input, by a largest response of about 0.4.
+  EXPECT_GT(delay.before, 0.01);
+  EXPECT_LT(delay.before, 0.08);
 }
 
 }  // namespace
