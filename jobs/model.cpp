@@ -249,11 +249,12 @@ BlackBoxOptions black_box_options(const BlackBoxVerbOptions& given, const Call& 
 
 std::string text_of_candidate(const BlackBox::Candidate& each, bool for_control, bool chosen) {
   const auto number = [](double value) {
-    return std::isnan(value) ? std::string("-") : fmt::format("{:.2f}", value);
+    if (std::isnan(value)) return std::string("-");
+    return std::abs(value) < 1e8 ? fmt::format("{:.2f}", value) : fmt::format("{:.3g}", value);
   };
   const std::string control =
       for_control ? fmt::format(" {:>12}", number(each.control_fit)) : std::string();
-  return fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}{}{}", each.order, each.refinement,
+  return fmt::format("{:>5} {:<16} {:>14} {:>12} {:>12}{}{}", each.order, each.refinement,
                      number(each.bic), number(each.prediction_fit), number(each.simulation_fit),
                      control, chosen ? "  <-" : "");
 }
@@ -287,7 +288,7 @@ std::vector<std::string> tables(const BlackBox& box) {
   std::vector<std::string> out{
       fmt::format("held-out last {:.0f} % of the rows, fit in % (mean over outputs){}",
                   100.0 * box.held_out_share, ahead),
-      fmt::format("{:>5} {:<17} {:>14} {:>12} {:>12}{}", "order", "found by", "BIC", "prediction",
+      fmt::format("{:>5} {:<16} {:>14} {:>12} {:>12}{}", "order", "found by", "BIC", "prediction",
                   "simulation", for_control ? fmt::format(" {:>12}", "control") : "")};
   for (const BlackBox::Candidate& each : box.candidates) {
     out.push_back(text_of_candidate(each, for_control,
@@ -352,7 +353,7 @@ Outcome find_model(const BlackBoxVerbOptions& given, Call& call) {
       {fmt::format("{} states from data alone, chosen for {}; driven by its innovations.",
                    box.order, box.purpose),
        "Offsets of the channels are its operating point."});
-  if (run.wants_pictures()) picture_filter(found.model, recordings.data, found.estimate);
+  if (run.wants_pictures()) picture_filter(found.model, found.recordings, found.estimate);
   const auto estimate = std::make_shared<BlackBoxEstimate>(std::move(found.estimate));
   KeptResult result = kept(estimate);
   result.take({kModelFile, sha256_of_text(text), text, {}});

@@ -649,8 +649,8 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
   estimate.objective.method = of_states ? "subspace" : "prediction_error";
   estimate.black_box = description(search, tried, chosen, options);
   add_characteristics(search, recordings.front(), chosen, estimate.black_box);
-  const std::vector<Dataset> seen = deviations(recordings, search.all.point);
-  report_filter(estimate, out.model, out.model.parameters, seen);
+  out.recordings = deviations(recordings, search.all.point);
+  report_filter(estimate, out.model, out.model.parameters, out.recordings);
   if (search.has_inputs) simulate_all(search, chosen, recordings.front().outputs, estimate);
   Findings left = check_innovations(estimate);
   for (Finding& each : left) {

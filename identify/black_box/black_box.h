@@ -54,6 +54,7 @@ struct BlackBoxOptions {
 struct BlackBoxResult {
   BlackBoxEstimate estimate;
   Model model;
+  std::vector<Dataset> recordings;  ///< as the model sees them: deviations from its operating point
 };
 
 /// x(t+1) = A x + B u + K e, y = C x + D u + e, of deviations from the operating point.

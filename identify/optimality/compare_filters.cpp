@@ -105,16 +105,52 @@ void check_models(const std::vector<Model>& models, std::size_t lists) {
                        "a model with Q and R");
     }
     const auto same = [](const ChannelSource& a, const ChannelSource& b) {
-      return a.column == b.column && a.unit == b.unit;
+      return a.column == b.column;
     };
     if (!std::equal(model.outputs.begin(), model.outputs.end(), models[0].outputs.begin(),
                     models[0].outputs.end(), same)) {
       throw InputError({model.source, 0, 0},
-                       "its outputs are other columns or units than those of " + models[0].source,
+                       "its outputs are other columns than those of " + models[0].source,
                        "the same measurements in the same order",
                        "likelihoods of different data cannot be compared");
     }
   }
+}
+
+// Of y = a + b x with the same x in every row that both have: log |b|, once for every value behind the beginning. It makes
+// a density of y one of x.
+// @throws InputError where they are not such views of one measurement
+double log_units(const std::vector<Dataset>& of, const std::vector<Dataset>& in, Index output,
+                 Index beginning, const Model& model) {
+  constexpr double kRounding = 1e-9;
+  double least = kInfinity, most = -kInfinity, at_least = kNone, at_most = kNone, values = 0.0;
+  const auto each = [&](const auto& see) {
+    for (std::size_t k = 0; k < of.size(); ++k) {
+      const Index rows = std::min(of[k].y.cols(), in[k].y.cols());
+      for (Index t = 0; t < rows; ++t) {
+        const double y = of[k].y(output, t), x = in[k].y(output, t);
+        if (std::isfinite(y) && std::isfinite(x)) see(t, y, x);
+      }
+    }
+  };
+  each([&](Index t, double y, double x) {
+    values += t >= beginning ? 1.0 : 0.0;
+    if (x < least) least = x, at_least = y;
+    if (x > most) most = x, at_most = y;
+  });
+  if (!(most > least)) return 0.0;
+  const double b = (at_most - at_least) / (most - least);
+  double off = 0.0;
+  each([&](Index, double y, double x) {
+    off = std::max(off, std::abs(y - at_least - b * (x - least)));
+  });
+  const double size = std::abs(b) * std::max({std::abs(least), std::abs(most), most - least});
+  if (b != 0.0 && off <= kRounding * size) return values * std::log(std::abs(b));
+  throw InputError({model.source, 0, 0},
+                   fmt::format("its '{}' is no multiple of that of the first model",
+                               of.front().outputs[static_cast<std::size_t>(output)].name),
+                   "the same measurements, but for units and offsets",
+                   "likelihoods of different data cannot be compared");
 }
 
 }  // namespace
@@ -134,6 +170,13 @@ Comparison compare_filters(const std::vector<Model>& models,
   }
   for (std::size_t i = 0; i < models.size(); ++i) {
     all.push_back(scored(filters[i], recordings[i], beginning));
+    for (std::size_t j = 0; i > 0 && j < models[i].outputs.size(); ++j) {
+      const ChannelSource &here = models[i].outputs[j], &first = models[0].outputs[j];
+      if (here.unit == first.unit && here.scale == first.scale)
+        continue;  // offsets change no density
+      all.back().log_likelihood +=
+          log_units(recordings[i], recordings[0], static_cast<Index>(j), beginning, models[i]);
+    }
     if (!std::isnan(all.back().log_likelihood)) continue;
     throw InputError({models[i].source, 0, 0},
                      fmt::format("{} samples determine the diffuse start of another", beginning),

@@ -98,7 +98,7 @@ class Compare(unittest.TestCase):
 
         other = self.folder.path / "other"
         refused(["one result"], self.a)
-        refused(["nowhere", "cannot be read"], self.a, self.folder.path / "nowhere")
+        refused(["nowhere", "cannot open the file"], self.a, self.folder.path / "nowhere")
         run("tune", *NILE, "--range", "0:80", "-o", other)
         refused(["other", "other rows"], self.a, other)
         # As many, but others.
@@ -143,6 +143,33 @@ class CompareModels(unittest.TestCase):
                 self.assertIn("a model file where recordings are expected", done.stderr)
                 self.assertIn("identikal compare A.yaml B.yaml DATA", done.stderr)
                 self.assertEqual(1, done.stderr.count("\n"))
+
+
+    def test_units_offsets_and_results(self):
+        """The same filter in another unit is the same filter; results and models from data stand beside model files."""
+        with Folder() as folder:
+            run("simulate", NILE[0], "-n", 400, "--seed", 4, "-o", folder.path, code=0)
+            data = folder.path / "simulated.csv"
+            text = pathlib.Path(NILE[0]).read_text()
+            scaled = text
+            for name in "qr":
+                scaled = scaled.replace(f"{name}: {{value: 1000", f"{name}: {{value: 0.1")
+            scaled = scaled.replace("column: volume", "column: volume, scale: 0.01, offset: -3")
+            self.assertEqual(3, sum(a != b for a, b in zip(text.splitlines(), scaled.splitlines())))
+            other = folder.write("other.yaml", scaled)
+            values = {t["channel"]: t["value"] for t in result("compare", NILE[0], other, data)["tests"] if t["id"] == "log_likelihood"}
+            self.assertAlmostEqual(values[NILE[0]], values[str(other)], delta=1e-6)
+            tuned, box = folder.path / "tuned", folder.path / "box"
+            run("tune", NILE[0], data, "-o", tuned, code=0)
+            run("model", data, "--output", "volume", "-o", box)
+            out = result("compare", NILE[0], tuned, box, data)
+            values = {t["channel"]: t["value"] for t in out["tests"] if t["id"] == "log_likelihood"}
+            self.assertEqual({NILE[0], str(tuned), str(box)}, set(values))
+            self.assertGreater(values[str(tuned)], values[NILE[0]])
+            refused = run("compare", tuned, NILE[0], data, "--set", "q=1", code=2)
+            self.assertIn("--set does not apply to results", refused.stderr)
+            wrong = folder.write("wrong.yaml", scaled.replace("scale: 0.01", "scale: 0"))
+            self.assertNotEqual(0, run("compare", NILE[0], wrong, data).returncode)
 
 
 if __name__ == "__main__":

@@ -67,6 +67,10 @@ class Model(unittest.TestCase):
             self.assertEqual({2, 3, 4, 5}, orders)
             simulator = result("model", log, *OF_MOTOR, "--for", "simulation")["black_box"]
             self.assertEqual("simulation", simulator["purpose"])
+            controller = run("model", log, *OF_MOTOR, "--for", "control", "--steps", "15").stdout
+            self.assertIn("control: 1 to 15 rows ahead together", " ".join(controller.split()))
+            self.assertLessEqual(max(map(len, controller.splitlines())), 80)
+            self.assertRegex(controller, r"\n +3 prediction_error +-\d+\.\d\d +9\d\.\d\d +8\d\.\d\d +9\d\.\d\d  <-\n")
             # In degrees per second the same poles, and the gain of SI.
             degrees = [(t, u, y * 57.29577951308232) for t, u, y in motor(1200, 4)]
             other = made.write("degrees.csv", table(degrees, "t [s],voltage [V],speed [deg/s]"))
@@ -163,8 +167,11 @@ class Model(unittest.TestCase):
                     (("--as", "arx", "--polynomials", "nf=1"), "nf of --polynomials with --as arx; expected polynomials of that model: a, b"),
                     (("--as", "oe", "--polynomials", "nf=1"), "--polynomials nf=1 leaves nothing to estimate; expected at least one coefficient, and nb beside nf"),
                     (("--as", "oe", "--polynomials", "nb=1", "--order", "2"), "both --order and --polynomials; expected one of them"),
-                    (("--as", "oe", "--delay", "-1"), "--delay '-1' is none; expected a number of rows up to 100: 1"),
-                    (("--as", "oe", "--delay", "101"), "--delay '101' is none; expected a number of rows up to 100: 1")):
+                    (("--as", "oe", "--delay", "-1"), "--delay '-1' is none; expected a number of rows from 0 to 100"),
+                    (("--as", "oe", "--delay", "101"), "--delay '101' is none; expected a number of rows from 0 to 100"),
+                    (("--steps", "5"), "--steps without --for control; expected how many rows a controller looks ahead"),
+                    (("--for", "control", "--steps", "0"), "--steps '0' is none; expected a number of rows from 1 to 1000"),
+                    (("--for", "control", "--steps", "200"), "held-out rows are too few for 200 rows ahead; expected longer recordings; a shorter --steps, or a larger --hold-out")):
                 done = run("model", log, *OF_MOTOR, *options, code=2)
                 self.assertEqual(f"identikal: {line}\n", done.stderr)
             done = run("model", log, "--output", "speed", "--as", "oe", code=2)

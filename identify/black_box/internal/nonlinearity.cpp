@@ -9,6 +9,7 @@
 
 #include "identify/black_box/internal/candidates.h"
 #include "identify/estimate/distribution.h"
+#include "lib/statistics/long_run_covariance.h"
 
 namespace identikal {
 namespace {
@@ -29,6 +30,8 @@ constexpr std::array<Shape, 3> kShapes{{{"square", [](double x) { return x * x; 
                                         {"cube", [](double x) { return x * x * x; }},
                                         {"absolute value", [](double x) { return std::abs(x); }}}};
 
+constexpr Shape kLine{"line", [](double x) { return x; }};
+
 enum class Place { input, output, feedback };
 constexpr std::array<const char*, 3> kPlaces{"input", "output", "feedback"};
 
@@ -39,14 +42,13 @@ struct Curve {
   const Shape* shape;
 };
 
-std::vector<Curve> all_curves(Index inputs, Index outputs) {
+// One in every place.
+std::vector<Curve> curves_of(const Shape& shape, Index inputs, Index outputs) {
   std::vector<Curve> out;
-  for (const Shape& shape : kShapes) {
-    for (Index j = 0; j < inputs; ++j) out.push_back({Place::input, j, -1, &shape});
-    for (Index i = 0; i < outputs; ++i) {
-      out.push_back({Place::output, -1, i, &shape});
-      for (Index j = 0; j < inputs; ++j) out.push_back({Place::feedback, j, i, &shape});
-    }
+  for (Index j = 0; j < inputs; ++j) out.push_back({Place::input, j, -1, &shape});
+  for (Index i = 0; i < outputs; ++i) {
+    out.push_back({Place::output, -1, i, &shape});
+    for (Index j = 0; j < inputs; ++j) out.push_back({Place::feedback, j, i, &shape});
   }
   return out;
 }
@@ -69,13 +71,22 @@ InnovationForm way_of(const Curve& curve, const InnovationForm& model, bool to_i
   return out;
 }
 
-VectorXd answer(const Curve& curve, const InnovationForm& way, const MatrixXd& u,
-                const MatrixXd& y) {
-  const Eigen::RowVectorXd signal =
-      curve.place == Place::input ? u.row(curve.input) : y.row(curve.output);
-  const MatrixXd s =
-      simulated_outputs(way, signal.unaryExpr(curve.shape->of), VectorXd::Zero(way.states()));
-  return s.reshaped();
+// Of every recording, p values a row.
+using Values = std::vector<VectorXd>;
+
+// What the outputs, or the innovations, have of a curve. @param y  what stands for the outputs in it
+Values answers(const Curve& curve, const InnovationForm& model, bool of_innovations,
+               const ScaledRecordings& recordings, const std::vector<MatrixXd>& y) {
+  const InnovationForm way = way_of(curve, model, of_innovations);
+  Values out;
+  for (std::size_t k = 0; k < y.size(); ++k) {
+    const Eigen::RowVectorXd signal =
+        curve.place == Place::input ? recordings.u[k].row(curve.input) : y[k].row(curve.output);
+    const MatrixXd s =
+        simulated_outputs(way, signal.unaryExpr(curve.shape->of), VectorXd::Zero(way.states()));
+    out.emplace_back(s.reshaped());
+  }
+  return out;
 }
 
 // Rows of all recordings one below the other.
@@ -84,17 +95,41 @@ struct Regression {
   Eigen::LDLT<MatrixXd> factor;  // of Z' Z
   std::vector<Index> recording, row;
 
-  // Of p values a row, recording after recording: those of the regression's rows, without what Z explains.
-  MatrixXd left_of(const std::vector<VectorXd>& values, Index p) const {
+  // Those of the regression's rows, so many rows before.
+  MatrixXd rows_of(const Values& values, Index p, Index lag = 0) const {
     MatrixXd out(Z.rows(), p);
     for (Index k = 0; k < Z.rows(); ++k) {
       const auto at = static_cast<std::size_t>(k);
-      out.row(k) = values[static_cast<std::size_t>(recording[at])].segment(row[at] * p, p);
+      out.row(k) = values[static_cast<std::size_t>(recording[at])].segment((row[at] - lag) * p, p);
     }
+    return out;
+  }
+  // Without what Z explains.
+  MatrixXd left_of(const Values& values, Index p) const {
+    MatrixXd out = rows_of(values, p);
     out -= Z * factor.solve(Z.transpose() * out).eval();
     return out;
   }
 };
+
+// The answers to straight lines in place of curves: they span how the model's own parameters move the outputs.
+// @param y  as answers() takes them
+void add_lines(const InnovationForm& model, const ScaledRecordings& recordings,
+               const std::vector<MatrixXd>& y, bool of_innovations, Regression& out) {
+  constexpr Index kMost = 60;  // columns
+  const Index p = model.outputs();
+  const std::vector<Curve> lines = curves_of(kLine, model.inputs(), p);
+  const auto each = static_cast<Index>(lines.size()) * p;
+  const Index lags = std::clamp<Index>(kMost / each, 1, model.states() + 1);
+  Index column = out.Z.cols();
+  out.Z.conservativeResize(Eigen::NoChange, column + each * lags);
+  for (const Curve& line : lines) {
+    const Values values = answers(line, model, of_innovations, recordings, y);
+    for (Index lag = 0; lag < lags; ++lag, column += p)
+      out.Z.middleCols(column, p) = out.rows_of(values, p, lag);
+  }
+  out.factor.compute(out.Z.transpose() * out.Z);
+}
 
 // @param of_outputs  are outputs of rows before among the regressors?
 Regression regression(const ScaledRecordings& recordings, Index lags, Index skip, bool of_outputs) {
@@ -121,7 +156,6 @@ Regression regression(const ScaledRecordings& recordings, Index lags, Index skip
     for (Index lag = 1; of_outputs && lag <= lags; ++lag, column += p)
       out.Z.row(i).segment(column, p) = y.col(out.row[at] - lag);
   }
-  out.factor.compute(out.Z.transpose() * out.Z);
   return out;
 }
 
@@ -130,22 +164,45 @@ struct Score {
   double p = 1.0, share = 0.0;
 };
 
-Score score(const MatrixXd& e, const MatrixXd& w) {
+// P of a sum as large whose variance is known by so many degrees of freedom.
+double two_sided(double sum, double variance, double freedom) {
+  return f_upper_tail(sum * sum / variance, 1.0, freedom);
+}
+
+// The scores' sum against their scatter: by parts of the recording, and where that is significant by their autocovariances too, for
+// colour that outlasts a part.
+// @param regressors  that e and w are without
+Score score(const MatrixXd& e, const MatrixXd& w, Index regressors) {
   const double weight = w.squaredNorm();
   const double gain = e.cwiseProduct(w).sum() / weight;
   Score out;
   if (!std::isfinite(gain)) return out;
   out.share = gain * gain * weight / e.squaredNorm();
-  double variance = 0.0;
+  const Eigen::RowVectorXd off = (e - gain * w).cwiseProduct(w).rowwise().sum().transpose();
+  const Index rows = off.size();
+  double of_parts = 0.0;
   for (Index part = 0; part < kParts; ++part) {
-    const Index from = part * e.rows() / kParts, to = (part + 1) * e.rows() / kParts;
-    const auto of_e = e.middleRows(from, to - from), of_w = w.middleRows(from, to - from);
-    const double off = (of_e - gain * of_w).cwiseProduct(of_w).sum();
-    variance += off * off;
+    const Index from = part * rows / kParts, to = (part + 1) * rows / kParts;
+    of_parts += std::pow(off.segment(from, to - from).sum(), 2);
   }
-  const double t = gain * weight / std::sqrt(variance);
-  out.p = f_upper_tail(t * t, 1.0, static_cast<double>(kParts - 1));
+  const double sum = gain * weight;
+  const double lost = static_cast<double>(rows) / static_cast<double>(rows - regressors);
+  out.p = two_sided(sum, lost * of_parts, static_cast<double>(kParts - 1));
+  if (!(out.p < kSignificant)) return out;
+  Index bandwidth = 1;
+  const MatrixXd white = off * off.transpose();
+  const double variance = widest_long_run_covariance(off, white, bandwidth)(0, 0);
+  // Kiefer and Vogelsang (2005): those of Bartlett's window.
+  const double freedom = 1.5 * static_cast<double>(rows) / static_cast<double>(bandwidth);
+  out.p = std::max(out.p, two_sided(sum, lost * variance, freedom));
   return out;
+}
+
+// Rows after which little is left of a state.
+Index memory_of(const MatrixXd& A) {
+  constexpr double kLittle = 0.05;
+  const double radius = std::min(spectral_radius(A), 0.999);
+  return radius > 0.0 ? static_cast<Index>(std::log(kLittle) / std::log(radius)) : 0;
 }
 
 // What tests of all curves need of model and recordings.
@@ -155,9 +212,8 @@ struct Tests {
   MatrixXd e, simulation_error, whitening;
 };
 
-std::vector<VectorXd> differences(const std::vector<MatrixXd>& from,
-                                  const std::vector<MatrixXd>& what) {
-  std::vector<VectorXd> out;
+Values differences(const std::vector<MatrixXd>& from, const std::vector<MatrixXd>& what) {
+  Values out;
   for (std::size_t k = 0; k < from.size(); ++k) out.emplace_back((from[k] - what[k]).reshaped());
   return out;
 }
@@ -174,6 +230,8 @@ Tests prepared(const InnovationForm& model, const ScaledRecordings& recordings, 
   }
   out.of_innovations = regression(recordings, lags, skip, true);
   out.of_simulations = regression(recordings, lags, skip, false);
+  add_lines(model, recordings, out.predicted, true, out.of_innovations);
+  add_lines(model, recordings, out.simulated, false, out.of_simulations);
   out.e = out.of_innovations.left_of(differences(recordings.y, out.predicted), p);
   out.simulation_error = out.of_simulations.left_of(differences(recordings.y, out.simulated), p);
   const MatrixXd sigma = out.e.transpose() * out.e / static_cast<double>(out.e.rows());
@@ -192,25 +250,22 @@ std::vector<BlackBox::Nonlinearity> nonlinearities(const InnovationForm& model,
   constexpr Index kMostRegressors = 100, kLeastRows = 5;  // of a part
   const ScaledRecordings recordings = first_rows(all, kMostRows);
   const Index p = model.outputs(), m = model.inputs();
-  const Index lags =
-      std::clamp<Index>(2 * model.states(), 4, std::max<Index>(4, kMostRegressors / (p + m)));
+  const Index most = std::max<Index>(4, kMostRegressors / (p + m));
+  const Index lags = std::clamp(std::max(2 * model.states(), memory_of(model.A)), Index{4}, most);
   const Tests tests = prepared(model, recordings, lags, std::max(skip, lags));
   const Index regressors = tests.of_innovations.Z.cols();
   if (tests.e.rows() < std::max(kLeastRows * kParts, 3 * regressors)) return {};
   const bool simulates = m > 0 && spectral_radius(model.A) < 1.0;
-  const std::vector<Curve> curves = all_curves(m, p);
+  std::vector<Curve> curves;
+  for (const Shape& shape : kShapes) {
+    const std::vector<Curve> more = curves_of(shape, m, p);
+    curves.insert(curves.end(), more.begin(), more.end());
+  }
   std::vector<BlackBox::Nonlinearity> out;
   for (const Curve& curve : curves) {
-    const auto answers = [&](const InnovationForm& way, const std::vector<MatrixXd>& y) {
-      std::vector<VectorXd> each;
-      for (std::size_t k = 0; k < y.size(); ++k)
-        each.push_back(answer(curve, way, recordings.u[k], y[k]));
-      return each;
-    };
-    const MatrixXd w =
-        tests.of_innovations.left_of(answers(way_of(curve, model, true), tests.predicted), p) *
-        tests.whitening;
-    const Score found = score(tests.e, w);
+    const Values in_innovations = answers(curve, model, true, recordings, tests.predicted);
+    const MatrixXd w = tests.of_innovations.left_of(in_innovations, p) * tests.whitening;
+    const Score found = score(tests.e, w, regressors);
     if (!(found.p * static_cast<double>(curves.size()) < kSignificant)) continue;
     BlackBox::Nonlinearity each;
     each.place = kPlaces[static_cast<std::size_t>(curve.place)];
@@ -220,9 +275,9 @@ std::vector<BlackBox::Nonlinearity> nonlinearities(const InnovationForm& model,
     each.p = found.p;
     each.of_innovations = found.share;
     if (simulates) {
-      const MatrixXd s =
-          tests.of_simulations.left_of(answers(way_of(curve, model, false), tests.simulated), p);
-      each.of_simulation = score(tests.simulation_error, s).share;
+      const Values simulated = answers(curve, model, false, recordings, tests.simulated);
+      const MatrixXd s = tests.of_simulations.left_of(simulated, p);
+      each.of_simulation = score(tests.simulation_error, s, regressors).share;
     }
     out.push_back(std::move(each));
   }

@@ -13,27 +13,30 @@
 
 namespace identikal {
 
-/// Score tests of static curves that the model lacks: w = H^-1 s is what the innovations would have of it, s the outputs' answer to
-/// the square, the cube or the absolute value
+/// Score tests of static curves that the model lacks: w = H^-1 s is what the innovations would have
+/// of it, s the outputs' answer to the square, the cube or the absolute value
 ///
 /// * of an input in that input's place (Hammerstein),
 /// * of a predicted output where it is measured (Wiener),
 /// * of a predicted output in an input's place (a spring, a drag).
 ///
-/// What the inputs and outputs of some rows before explain linearly is taken out of w and of the innovations: the model's matrices
-/// were fitted. The significance is that of the scores of forty parts of the recording: it allows for colour and for unequal noise.
-/// Of the p-values of all curves the least counts, times their number (Bonferroni). Ljung (1999), section 16.6, has the idea.
+/// What the inputs and outputs of some rows before explain linearly is taken out of w and of the
+/// innovations: the model's matrices were fitted. The significance is that of the scores' sum
+/// against the scatter of forty parts of the recording and against their autocovariances (Kiefer and
+/// Vogelsang 2005): it allows for colour and for unequal noise. Of the p-values of all curves the
+/// least counts, times their number (Bonferroni). Source of the idea: Billings and Voon (1986).
 ///
-/// @param model  of scaled recordings; @param skip  rows at the beginning of each that still know its first state
-/// @return those with p below 0.001, the one that explains most first; none of recordings too short to tell
+/// @param model  of scaled recordings
+/// @param skip   rows at the beginning of each that still know its first state
+/// @return those with p below 0.001, the one that explains most first; none of recordings too short
 std::vector<BlackBox::Nonlinearity> nonlinearities(const InnovationForm& model,
                                                    const ScaledRecordings& recordings,
                                                    const std::vector<std::string>& inputs,
                                                    const std::vector<std::string>& outputs,
                                                    Eigen::Index skip);
 
-/// A linear model is not enough where a curve explains more than a hundredth of the squares that it leaves, of innovations or of the
-/// simulation's errors; serious above a tenth.
+/// A linear model is not enough where a curve explains more than a hundredth of the squares that it
+/// leaves, of innovations or of the simulation's errors; serious above a tenth.
 Findings check_linearity(const std::vector<BlackBox::Nonlinearity>& found);
 
 }  // namespace identikal

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "identify/colour/shaped_model.h"
+#include "identify/filter/pictures.h"
 #include "identify/model/builder.h"
 #include "identify/model/model_file.h"
 #include "lib/base/error.h"
@@ -354,6 +355,24 @@ TEST(BlackBox, WhatADelayedInputMayHaveDoneBeforeIsSaid) {
   // Two errors of a response, 0.3 of noise over the root of 2000 rows of input, by a largest response of about 0.4.
   EXPECT_GT(delay.before, 0.01);
   EXPECT_LT(delay.before, 0.08);
+}
+
+TEST(BlackBox, ThePageSimulatesAboutTheOperatingPoint) {
+  Record record = recorded(Plant{}, 2000, 16);
+  record.y.array() += 100.0;
+  record.u.array() += 50.0;
+  BlackBoxResult result = found(record);
+  picture_filter(result.model, result.recordings, result.estimate);
+  const MatrixXd& simulated = result.estimate.pictures.simulation;
+  const MatrixXd& measured = result.estimate.series.measured;
+  double squares = 0.0, all = 0.0;
+  for (Index t = 0; t < simulated.cols(); ++t) {
+    if (!std::isfinite(simulated(0, t))) continue;
+    squares += std::pow(simulated(0, t) - measured(0, t), 2);
+    all += std::pow(measured(0, t), 2);
+  }
+  ASSERT_GT(all, 0.0);
+  EXPECT_LT(squares, 0.2 * all);
 }
 
 }  // namespace
