@@ -153,35 +153,49 @@ double log_units(const std::vector<Dataset>& of, const std::vector<Dataset>& in,
                    "likelihoods of different data cannot be compared");
 }
 
+// All of them behind the same beginning, densities in the units of the first.
+struct ScoredModels {
+  std::vector<Scored> all;
+  Index beginning = 0;
+};
+
+ScoredModels score_all(const std::vector<Model>& models,
+                       const std::vector<std::vector<Dataset>>& recordings) {
+  ScoredModels out;
+  std::vector<Model> filters;
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    const Model model = checked(models[i], recordings[i]);
+    check_channels(recordings[i]);
+    const LeadingSamples leading = leading_samples(model, model.parameters, recordings[i]);
+    out.beginning = std::max(out.beginning, leading.diffuse);
+    filters.push_back(model);
+  }
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    Scored score = scored(filters[i], recordings[i], out.beginning);
+    for (std::size_t j = 0; i > 0 && j < models[i].outputs.size(); ++j) {
+      const ChannelSource &here = models[i].outputs[j], &first = models[0].outputs[j];
+      // Offsets change no density.
+      if (here.unit == first.unit && here.scale == first.scale) continue;
+      score.log_likelihood +=
+          log_units(recordings[i], recordings[0], static_cast<Index>(j), out.beginning, models[i]);
+    }
+    if (std::isnan(score.log_likelihood)) {
+      throw InputError(
+          {models[i].source, 0, 0},
+          fmt::format("{} samples determine the diffuse start of another", out.beginning),
+          "longer recordings, or starts that fewer samples determine");
+    }
+    out.all.push_back(std::move(score));
+  }
+  return out;
+}
+
 }  // namespace
 
 Comparison compare_filters(const std::vector<Model>& models,
                            const std::vector<std::vector<Dataset>>& recordings) {
   check_models(models, recordings.size());
-  std::vector<Scored> all;
-  std::vector<Model> filters;
-  Index beginning = 0;  // the same for all
-  for (std::size_t i = 0; i < models.size(); ++i) {
-    const Model model = checked(models[i], recordings[i]);
-    check_channels(recordings[i]);
-    beginning =
-        std::max(beginning, leading_samples(model, model.parameters, recordings[i]).diffuse);
-    filters.push_back(model);
-  }
-  for (std::size_t i = 0; i < models.size(); ++i) {
-    all.push_back(scored(filters[i], recordings[i], beginning));
-    for (std::size_t j = 0; i > 0 && j < models[i].outputs.size(); ++j) {
-      const ChannelSource &here = models[i].outputs[j], &first = models[0].outputs[j];
-      if (here.unit == first.unit && here.scale == first.scale)
-        continue;  // offsets change no density
-      all.back().log_likelihood +=
-          log_units(recordings[i], recordings[0], static_cast<Index>(j), beginning, models[i]);
-    }
-    if (!std::isnan(all.back().log_likelihood)) continue;
-    throw InputError({models[i].source, 0, 0},
-                     fmt::format("{} samples determine the diffuse start of another", beginning),
-                     "longer recordings, or starts that fewer samples determine");
-  }
+  const auto [all, beginning] = score_all(models, recordings);
   std::vector<std::size_t> order(models.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
