@@ -2,7 +2,6 @@
 #include "jobs/compare.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <iterator>
 #include <memory>
 
@@ -38,11 +37,6 @@ Outcome compare_results_of(const CompareOptions& options, Call& call) {
   return outcome_of(run, kept(std::make_shared<Comparison>(compare_results(results))));
 }
 
-bool is_result(const std::string& path) {
-  std::error_code neither;
-  return path.ends_with(".json") || std::filesystem::is_directory(path, neither);
-}
-
 // The model of a result with its estimates, by the name that it was given.
 Model model_of_result(const std::string& path, const CompareOptions& options, Run& run) {
   for (const auto& [given, name] : {std::pair{!options.model.settings.empty(), "--set"},
@@ -64,9 +58,10 @@ Model model_of_result(const std::string& path, const CompareOptions& options, Ru
 Outcome compare_models(const CompareOptions& options, Call& call) {
   Run run{"compare", call, "", {}, options.result};
   RecordingOptions data = options.recordings;
-  const auto first_recording = std::stable_partition(
-      data.files.begin(), data.files.end(),
-      [&](const std::string& file) { return call.inputs.is_model(file) || is_result(file); });
+  const auto first_recording =
+      std::stable_partition(data.files.begin(), data.files.end(), [&](const std::string& file) {
+        return call.inputs.is_model(file) || call.inputs.is_result(file);
+      });
   const std::vector<std::string> compared(data.files.begin(), first_recording);
   data.files.erase(data.files.begin(), first_recording);
   std::copy_if(compared.begin(), compared.end(), std::back_inserter(run.models),
@@ -108,7 +103,7 @@ Verb compare_verb() {
   verb.run = [options](Call& call) {
     const std::vector<std::string>& files = options->recordings.files;
     const bool models = std::any_of(files.begin(), files.end(), [&](const std::string& file) {
-      return call.inputs.is_model(file) || !is_result(file);
+      return call.inputs.is_model(file) || call.inputs.is_recording(file);
     });
     return models ? compare_models(*options, call) : compare_results_of(*options, call);
   };

@@ -85,6 +85,18 @@ bool Inputs::is_model(const std::string& name) const {
   return ending == ".yaml" || ending == ".yml";
 }
 
+bool Inputs::is_result(const std::string& name) const {
+  if (const auto kept = kept_.find(name); kept != kept_.end()) return kept->second.result;
+  std::error_code neither;
+  return name.ends_with(".json") || std::filesystem::is_directory(name, neither);
+}
+
+bool Inputs::is_recording(const std::string& name) const {
+  std::error_code none;
+  const bool there = is_in_memory(name) || std::filesystem::exists(name, none);
+  return there && !is_model(name) && !is_result(name);
+}
+
 const std::string& Inputs::model_text(const std::string& name) {
   if (is_in_memory(name)) return kept_.at(name).text;
   Input& input = read_[name];

@@ -27,6 +27,10 @@ class Inputs {
   bool is_in_memory(const std::string& name) const;
   /// A text in memory that is no result, or a file whose name ends like that of a model file.
   bool is_model(const std::string& name) const;
+  /// A result in memory, or a path that may hold one: a folder, or a file whose name ends in .json.
+  bool is_result(const std::string& name) const;
+  /// A recording in memory, or a file that is neither model nor result.
+  bool is_recording(const std::string& name) const;
   /// A model file's bytes. @throws InputError as read_yaml_text()
   const std::string& model_text(const std::string& name);
   /// That file's keys and values with those of the files that it includes.

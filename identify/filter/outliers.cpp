@@ -431,44 +431,58 @@ bool is_angle(const Channel& channel) {
   return channel.unit.empty() || channel.unit == "rad" || channel.unit == "deg";
 }
 
-// An angle that jumps by a turn, which the filter takes for a large innovation.
+// Rows of an output in which it jumps by a turn, of one recording or the next.
+struct Jumps {
+  long count = 0, taken_for_motion = 0;  // the latter: what is expected does not jump along
+  std::string first;
+};
+
+// @param e  innovations of the output
+void add_jumps(const Dataset& data, Index row, const Eigen::RowVectorXd& e, Jumps& out) {
+  constexpr double kTurn = 2.0 * std::numbers::pi, kNear = 0.2;  // [rad]
+  constexpr double kNoise = 0.5;  // beyond a turn that measured angles scatter
+  const auto within = [&](double low) {
+    const auto y = data.y.row(row).array();
+    return (y.isNaN() || (y > low - kNoise && y < low + kTurn + kNoise)).all();
+  };
+  if (!within(-0.5 * kTurn) && !within(0.0)) return;
+  double before = kNone;
+  for (Index t = 0; t < data.size(); ++t) {
+    const double now = data.y(row, t);
+    if (std::isnan(now)) continue;
+    if (std::abs(std::abs(now - before) - kTurn) < kNear) {
+      if (out.count++ == 0) out.first = fmt::format("{} at {:.6g} s", data.name, data.time[t]);
+      out.taken_for_motion += std::abs(e[t]) > 0.5 * kTurn ? 1 : 0;
+    }
+    before = now;
+  }
+}
+
+// An angle that jumps by a turn, which the filter takes for a large innovation. Where what is expected
+// jumps along, a little sooner or later with other parameters, the likelihood has cliffs.
 Findings check_turns(const Model& model, const std::vector<Dataset>& recordings,
                      const std::vector<FilterResult>& filters) {
-  constexpr double kTurn = 2.0 * std::numbers::pi, kNear = 0.2;  // [rad]
   Findings out;
   for (std::size_t c = 0; c < recordings[0].outputs.size(); ++c) {
     const bool wraps = c < model.outputs.size() && model.outputs[c].wraps;
     if (wraps || recordings[0].outputs[c].is_pseudo || !is_angle(recordings[0].outputs[c]))
       continue;
     const auto row = static_cast<Index>(c);
-    long jumps = 0;
-    std::string first;
-    for (std::size_t r = 0; r < recordings.size(); ++r) {
-      const Dataset& data = recordings[r];
-      const auto within = [&](double low) {
-        return (data.y.row(row).array().isNaN() || (data.y.row(row).array() > low - 1e-3 &&
-                                                    data.y.row(row).array() < low + kTurn + 1e-3))
-            .all();
-      };
-      if (!within(-0.5 * kTurn) && !within(0.0)) continue;
-      double before = kNone;
-      for (Index t = 0; t < data.size(); ++t) {
-        const double now = data.y(row, t);
-        if (std::isnan(now)) continue;
-        const bool jumped = std::abs(std::abs(now - before) - kTurn) < kNear &&
-                            std::abs(filters[r].e(row, t)) > 0.5 * kTurn;
-        if (jumped && jumps++ == 0) first = fmt::format("{} at {:.6g} s", data.name, data.time[t]);
-        before = now;
-      }
-    }
-    if (jumps == 0) continue;
+    Jumps jumps;
+    for (std::size_t r = 0; r < recordings.size(); ++r)
+      add_jumps(recordings[r], row, filters[r].e.row(row), jumps);
+    if (jumps.count == 0) continue;
     const std::string& name = recordings[0].outputs[c].name;
+    const bool motion = jumps.taken_for_motion > 0;
     out.push_back(make_finding(
         FindingCode::turn, {name},
-        fmt::format(
-            "'{}' jumps by a turn, {} time{}, first in {}: the filter takes it for a motion", name,
-            jumps, jumps > 1 ? "s" : "", first),
+        fmt::format("'{}' jumps by a turn, {} time{}, first in {}: {}", name, jumps.count,
+                    jumps.count > 1 ? "s" : "", jumps.first,
+                    motion ? "the filter takes it for a motion"
+                           : "what the model expects jumps along, with other parameters in another "
+                             "row, so that the likelihood has cliffs"),
         "write 'wrap: true' beside its column"));
+    if (!motion) out.back().severity = Severity::warning;
   }
   return out;
 }

@@ -320,6 +320,17 @@ void report_criteria(Objective& objective, double unknowns, const Model& model,
   objective.bic_values = unknowns * std::log(values) - 2.0 * L;
 }
 
+// Cliffs of a likelihood are why a search ends short of its maximum.
+void blame_cliffs(Findings& findings) {
+  const auto is = [](FindingCode code) {
+    return [code](const Finding& finding) { return finding.code == code; };
+  };
+  if (!std::any_of(findings.begin(), findings.end(), is(FindingCode::not_converged))) return;
+  for (Finding& finding : findings) {
+    if (finding.code == FindingCode::turn) finding.severity = Severity::serious;
+  }
+}
+
 }  // namespace
 
 void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const ParameterSet& end,
@@ -335,6 +346,7 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   if (white) {
     append(estimate.findings,
            check_outliers_and_offset(model, end, recordings, filters, without_outliers));
+    blame_cliffs(estimate.findings);
   }
   Objective& objective = estimate.objective;
   const double k = static_cast<double>(free_entries(end).size() - model.constraints.equalities());

@@ -29,8 +29,9 @@ struct NoiseMlOptions {
   FitObjective objective = FitObjective::one_step;
   NoiseSize errors = NoiseSize::residuals;  ///< p counts the unknowns but for sizes of noise
 
-  /// Searches: from the file's values, then from scattered ones. 0: one, and four more where its
-  /// end leaves a doubt (a variance of zero, other unknowns than variances, no convergence).
+  /// Searches: from the file's values, then from scattered ones. 0: one, and more where its end leaves
+  /// a doubt: of variances that may be zero, with each of them raised, and again from what is found
+  /// there; of other unknowns, or without convergence, four scattered ones.
   int starts = 0;
   std::uint64_t seed = 1;  ///< of the scattered starts
   int iterations = 0;      ///< at most, of each search; 0: as SolverOptions have it

@@ -293,7 +293,7 @@ class BadInput(unittest.TestCase):
         out = self.folder.path / "result"
         run("tune", *NILE, "-o", out, code=0)
         for result_ in (out, out / "result.json"):
-            self.refused(["a result among models; expected results only, or models and recordings"], "compare", result_, NILE[0])
+            self.refused(["no recording on the command line; expected identikal compare A.yaml B.yaml DATA"], "compare", result_, NILE[0])
 
     def test_old_names_are_understood_and_named(self):
         for old, new in ((("tune", *NILE, "--path", "direct"), "--evaluation time-varying"),

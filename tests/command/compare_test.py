@@ -98,7 +98,7 @@ class Compare(unittest.TestCase):
 
         other = self.folder.path / "other"
         refused(["one result"], self.a)
-        refused(["nowhere", "cannot open the file"], self.a, self.folder.path / "nowhere")
+        refused(["nowhere", "cannot be read"], self.a, self.folder.path / "nowhere")
         run("tune", *NILE, "--range", "0:80", "-o", other)
         refused(["other", "other rows"], self.a, other)
         # As many, but others.

@@ -20,6 +20,7 @@ using Eigen::VectorXd;
 
 constexpr Index kMostRows = 20000;  // more tell nothing of a curve that matters
 constexpr Index kParts = 40;
+constexpr Index kMostPairs = 9;
 constexpr double kSignificant = 1e-3;
 
 struct Shape {
@@ -42,13 +43,14 @@ struct Curve {
   const Shape* shape;
 };
 
-// One in every place.
+// One in every place; of many channels the pairs of them are too many.
 std::vector<Curve> curves_of(const Shape& shape, Index inputs, Index outputs) {
   std::vector<Curve> out;
   for (Index j = 0; j < inputs; ++j) out.push_back({Place::input, j, -1, &shape});
   for (Index i = 0; i < outputs; ++i) {
     out.push_back({Place::output, -1, i, &shape});
-    for (Index j = 0; j < inputs; ++j) out.push_back({Place::feedback, j, i, &shape});
+    const bool pairs = inputs * outputs <= kMostPairs;
+    for (Index j = 0; pairs && j < inputs; ++j) out.push_back({Place::feedback, j, i, &shape});
   }
   return out;
 }

@@ -18,7 +18,7 @@ namespace identikal {
 ///
 /// * of an input in that input's place (Hammerstein),
 /// * of a predicted output where it is measured (Wiener),
-/// * of a predicted output in an input's place (a spring, a drag).
+/// * of a predicted output in an input's place (a spring, a drag), of at most nine pairs.
 ///
 /// What the inputs and outputs of some rows before explain linearly is taken out of w and of the
 /// innovations: the model's matrices were fitted. The significance is that of the scores' sum

@@ -444,6 +444,12 @@ class FormulaReader {
     return {first, first + formulas_.inputs};
   }
 
+  // Known up to whole turns: a likelihood that took it for more would have cliffs where it jumps.
+  static bool is_of_a_turn(const Expression& formula, const ChannelSource& channel) {
+    const bool angle = channel.unit.empty() || channel.unit == "rad" || channel.unit == "deg";
+    return formula.nodes.back().op == Op::atan2 && angle && channel.delay == 0.0;
+  }
+
   std::vector<PhysicalName> read_outputs() {
     const YamlNode& node = required(root_, "outputs", "the model file",
                                     "outputs: {NAME: {column: ..., unit: ..., equals: formula}}");
@@ -452,7 +458,7 @@ class FormulaReader {
     out_.outputs = read_channels(node, "outputs", {}, keys);
     std::vector<PhysicalName> out;
     for (std::size_t i = 0; i < out_.outputs.size(); ++i) {
-      const ChannelSource& channel = out_.outputs[i];
+      ChannelSource& channel = out_.outputs[i];
       const YamlNode* equals = find(node.items[i], "equals");
       const bool is_state = std::any_of(out_.states.begin(), out_.states.end(),
                                         [&](const auto& s) { return s.name == channel.name; });
@@ -462,6 +468,8 @@ class FormulaReader {
       }
       const YamlNode own = equals == nullptr ? *channel_names(node)[i] : *equals;
       formulas_.outputs.push_back(formula(own, in_quotes(channel.name)));
+      const bool says = find(node.items[i], "wrap") != nullptr;
+      if (!says && is_of_a_turn(formulas_.outputs.back(), channel)) channel.wraps = true;
       Dimension dimension;
       if (symbols_.with_units) {
         if (channel.unit.empty()) {

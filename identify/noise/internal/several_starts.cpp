@@ -106,18 +106,70 @@ bool is_other_maximum(const LikelihoodProblem& problem, const Solution& solution
   return end && every_coordinate_matters(*end) && nothing_near_is_higher(problem, *end);
 }
 
-// Does the end of the first search leave a doubt that it is the only maximum? Of variances alone,
-// all of them inside their bounds, it hardly ever is not.
-bool is_doubted(const Model& model, const LikelihoodProblem& problem, const Solution& first) {
-  if (!first.summary.usable() || !is_linear(model)) return true;
+// Is nothing unknown but sizes of noise?
+bool only_noise_is_free(const Model& model) {
+  if (!is_linear(model)) return false;
   const std::vector<StateSpace> by = model_derivatives(as_linear(model), model.parameters);
-  if (!std::all_of(by.begin(), by.end(), changes_only_noise)) return true;
+  return std::all_of(by.begin(), by.end(), changes_only_noise);
+}
+
+// A variance that is zero, or that its own error does not tell from it.
+bool may_be_zero(const LikelihoodProblem& problem, const Point& at, Index i) {
+  constexpr double kTold = 4.0;  // squared value over squared error
+  return problem.lower[i] == 0.0 && !(at.x[i] * at.x[i] * at.information(i, i) > kTold);
+}
+
+// Does the end of the first search leave a doubt that it is the only maximum? Of variances alone,
+// all of them well above zero, it hardly ever is not.
+bool is_doubted(const Model& model, const LikelihoodProblem& problem, const Solution& first) {
+  if (!first.summary.usable() || !only_noise_is_free(model)) return true;
   if ((first.x.array() <= problem.lower.array()).any() ||
       (first.x.array() >= problem.upper.array()).any()) {
     return true;
   }
   const std::optional<Point> end = point_at(problem, first.x);
-  return !end || !every_coordinate_matters(*end);
+  if (!end || !every_coordinate_matters(*end)) return true;
+  for (Index i = 0; i < end->x.size(); ++i) {
+    if (may_be_zero(problem, *end, i)) return true;
+  }
+  return false;
+}
+
+// Where a variance that ended at zero is so large that samples tell it well, all else as it was found: the likelihood may
+// have a maximum there too, which scattered starts meet by luck alone.
+std::optional<VectorXd> with_variance_raised(const LikelihoodProblem& problem, const Point& found,
+                                             Index i, double samples) {
+  constexpr double kTold = 0.05, kStep = 10.0;  // of the information in `samples` values
+  constexpr int kMostSteps = 12;
+  if (!(found.information(i, i) > 0.0)) return std::nullopt;
+  VectorXd x = found.x;
+  x[i] = 1.0 / std::sqrt(found.information(i, i));
+  for (int step = 0; step < kMostSteps; ++step) {
+    x[i] = std::min(kStep * x[i], problem.upper[i]);
+    const std::optional<Point> at = point_at(problem, x);
+    if (!at) return std::nullopt;
+    if (at->information(i, i) * x[i] * x[i] > kTold * samples || x[i] >= problem.upper[i]) return x;
+  }
+  return std::nullopt;
+}
+
+// Such places for each variance at zero, and where there are several, for all of them together.
+std::vector<VectorXd> variances_raised(const LikelihoodProblem& problem, const Solution& end,
+                                       double samples, bool together) {
+  constexpr std::size_t kMost = 6;
+  std::vector<VectorXd> out;
+  const std::optional<Point> found = end.summary.usable() ? point_at(problem, end.x) : std::nullopt;
+  if (!found) return out;
+  VectorXd all = found->x;
+  for (Index i = 0; i < all.size() && out.size() < kMost; ++i) {
+    if (!may_be_zero(problem, *found, i)) continue;
+    const std::optional<VectorXd> raised = with_variance_raised(problem, *found, i, samples);
+    if (!raised) continue;
+    all[i] = (*raised)[i];
+    out.push_back(*raised);
+  }
+  if (together && out.size() > 1) out.push_back(all);
+  return out;
 }
 
 // One search, in the factors' coordinates.
@@ -228,6 +280,15 @@ class Searches {
     return found.evaluations;
   }
   std::size_t size() const { return starts_.size(); }
+  // Others in place of the scattered ones.
+  void begin_at(const std::vector<VectorXd>& places) {
+    if (places.empty()) return;
+    starts_.resize(1);
+    add(places);
+  }
+  void add(const std::vector<VectorXd>& places) {
+    starts_.insert(starts_.end(), places.begin(), places.end());
+  }
 
   bool stopped() const { return stopped_; }
 
@@ -430,6 +491,51 @@ int SeveralStarts::count(SearchEnd end) const {
   return static_cast<int>(std::count(ends.begin(), ends.end(), end));
 }
 
+namespace {
+
+// All searches: the first, and more as long as there is a doubt or somebody asked for them.
+// @param out  evaluations are added for what chooses places
+std::vector<Search> search_all(Searches& searches, RecordingsLikelihood& likelihood,
+                               const LikelihoodProblem& problem, const FactorCoordinates& factors,
+                               const NoiseMlOptions& options, SeveralStarts& out) {
+  std::vector<Search> all;
+  all.push_back(searches.run(problem, 0, std::nullopt));
+  const bool free_choice = options.starts == 0, around = searches.look_around();
+  if (free_choice && !is_doubted(likelihood.model(), problem, all[0].solution)) return all;
+  const bool directed = free_choice && !around && only_noise_is_free(likelihood.model());
+  // Where roots must stay outside the unit circle, and of variances at zero, a better maximum is a
+  // better place to look around.
+  for (int round = 0; round < kSearchRounds && !searches.stopped(); ++round) {
+    if (searches.size() == 1 && !around) break;
+    const std::size_t before = all.size();
+    const Solution from = all[best_of(all)].solution;
+    if (directed) {
+      const std::vector<VectorXd> places =
+          variances_raised(problem, from, likelihood.samples(), round == 0);
+      round == 0 ? searches.begin_at(places) : searches.add(places);
+    }
+    out.evaluations += searches.choose_others(problem, from.x, round);
+    all.resize(searches.size());
+    run_others(searches, likelihood, problem, factors, options.threads, before, all);
+    const bool better =
+        all[best_of(all)].solution.summary.objective > from.summary.objective + kSameMaximum;
+    if (!(around || directed) || !free_choice || !better) break;
+  }
+  searches.go_on_by_curvature(problem, evaluations_of(all), all[best_of(all)]);
+  return all;
+}
+
+// Where one of them ended beside the best.
+SearchEnd end_of(const Search& search, const SeveralStarts& out, const Searches& searches,
+                 const LikelihoodProblem& problem) {
+  if (std::abs(search.solution.summary.objective - out.best.summary.objective) < kSameMaximum)
+    return SearchEnd::best;
+  const bool maximum = !searches.stopped() && is_other_maximum(problem, search.solution);
+  return maximum ? SearchEnd::maximum : SearchEnd::short_of;
+}
+
+}  // namespace
+
 SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const ParameterSet& parameters,
                                  const FactorCoordinates& factors, const NoiseMlOptions& options) {
   const LikelihoodProblem by_entries = likelihood.problem();
@@ -440,26 +546,8 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
   Searches searches(likelihood.model(), factors, options,
                     shot ? shot->places : places_to_start(parameters, factors, most, options.seed),
                     likelihood.samples(), shot.has_value());
-  std::vector<Search> all;
-  all.push_back(searches.run(problem, 0, std::nullopt));
-  const bool alone =
-      options.starts == 0 && !is_doubted(likelihood.model(), problem, all[0].solution);
   SeveralStarts out;
-  // Where roots must stay outside the unit circle, a better maximum is a better place to look around.
-  for (int round = 0; round < kSearchRounds && !alone && !searches.stopped(); ++round) {
-    if (searches.size() == 1 && !searches.look_around()) break;
-    const std::size_t before = all.size();
-    const Solution from = all[best_of(all)].solution;
-    out.evaluations += searches.choose_others(problem, from.x, round);
-    all.resize(searches.size());
-    run_others(searches, likelihood, problem, factors, options.threads, before, all);
-    const bool better =
-        all[best_of(all)].solution.summary.objective > from.summary.objective + kSameMaximum;
-    if (!searches.look_around() || options.starts > 0 || !better) break;
-  }
-
-  searches.go_on_by_curvature(problem, evaluations_of(all), all[best_of(all)]);
-
+  std::vector<Search> all = search_all(searches, likelihood, problem, factors, options, out);
   const Solution& first = all[0].solution;
   out.start_value = first.summary.initial_objective;
   out.best = first;
@@ -485,15 +573,10 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     }
   }
   for (const Search* search : defined) {
-    const double L = search->solution.summary.objective;
-    out.log_likelihood.push_back(L);
-    if (std::abs(L - out.best.summary.objective) < kSameMaximum) {
-      out.ends.push_back(SearchEnd::best);
-      if (search->solution.summary.usable()) out.best_ends.push_back(search->solution.x);
-    } else {
-      const bool maximum = !searches.stopped() && is_other_maximum(problem, search->solution);
-      out.ends.push_back(maximum ? SearchEnd::maximum : SearchEnd::short_of);
-    }
+    out.log_likelihood.push_back(search->solution.summary.objective);
+    out.ends.push_back(end_of(*search, out, searches, problem));
+    if (out.ends.back() == SearchEnd::best && search->solution.summary.usable())
+      out.best_ends.push_back(search->solution.x);
   }
   if (shot && defined.size() == all.size()) count_shots(*shot, out);
   if (shot) {

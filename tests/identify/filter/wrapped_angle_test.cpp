@@ -104,6 +104,41 @@ TEST(WrappedAngle, IsNamedWhereNobodySaidSo) {
   EXPECT_EQ(turns(", wrap: true", true), "");
 }
 
+// What atan2 gives is an angle, whatever was said of it; and the likelihood has no cliffs.
+TEST(WrappedAngle, IsThatOfAtan2Unsaid) {
+  const auto direction = [](const std::string& wrap) {
+    std::string text = compass(wrap);
+    text.replace(text.find("equals: course"), 14, "equals: 'atan2(sin(course), cos(course))'");
+    return parse_model_file(text, "compass.yaml");
+  };
+  const Model said = parse_model_file(compass(", wrap: true"), "compass.yaml");
+  const Model unsaid = direction(""), denied = direction(", wrap: false");
+  const auto log_likelihood = [](Model model, double r) {
+    model.parameters[1].value(0, 0) = r;
+    return run_filter(model, model.parameters, turning(model, true)).log_likelihood;
+  };
+  double worst = 0.0;
+  for (double r = 1e-4; r < 1.0; r *= 1.1) {
+    const double L = log_likelihood(said, r);
+    EXPECT_NEAR(log_likelihood(unsaid, r), L, 1e-6 * std::abs(L));
+    worst = std::min(worst, log_likelihood(denied, r) - L);
+  }
+  EXPECT_LT(worst, -10.0);
+}
+
+TEST(WrappedAngle, IsNamedWhereItScattersBeyondATurn) {
+  const Model model = parse_model_file(compass(""), "compass.yaml");
+  Dataset data = turning(model, true);
+  for (double& angle : data.y.reshaped()) {
+    if (angle < -3.0) angle += 2.0 * std::numbers::pi;  // 3.28 beside -3.0
+  }
+  bool named = false;
+  for (const Finding& finding : check(model, {data}).findings)
+    named = named || finding.code == FindingCode::turn;
+  EXPECT_GT(data.y.array().isNaN().select(0.0, data.y.array()).maxCoeff(), std::numbers::pi);
+  EXPECT_TRUE(named);
+}
+
 TEST(WrappedAngle, IsAnAngle) {
   std::string text = compass(", wrap: true");
   text.replace(text.find("unit: deg"), 9, "unit: m");
