@@ -195,7 +195,8 @@ ScoredModels score_all(const std::vector<Model>& models,
 Comparison compare_filters(const std::vector<Model>& models,
                            const std::vector<std::vector<Dataset>>& recordings) {
   check_models(models, recordings.size());
-  const auto [all, beginning] = score_all(models, recordings);
+  const ScoredModels scores = score_all(models, recordings);
+  const std::vector<Scored>& all = scores.all;
   std::vector<std::size_t> order(models.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
@@ -241,11 +242,11 @@ Comparison compare_filters(const std::vector<Model>& models,
       "AR: what an autoregressive model of the innovations would gain, below 0 where they are "
       "white");
   out.notes.emplace_back("opt: passes the tests of 'check'");
-  if (beginning > 0) {
+  if (scores.beginning > 0) {
     out.notes.push_back(fmt::format(
         "log-likelihoods are those of the samples behind the first {}, which determine a diffuse "
         "start",
-        beginning));
+        scores.beginning));
   }
   const double p = difference(all[order[1]], best);
   const std::string doubt =
