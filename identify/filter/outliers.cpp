@@ -68,8 +68,8 @@ Still still_samples(const Dataset& data) {
   return out;
 }
 
-// From the median |e| of one channel over all recordings, but for what stands still; 0 when there is
-// nothing.
+// From the median |e| of one channel over all recordings, but for what stands still; 0 when there
+// is nothing.
 double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd FilterResult::*e,
                         const std::vector<Still>& still, Index channel) {
   constexpr std::size_t kFewest = 20;
@@ -458,8 +458,8 @@ void add_jumps(const Dataset& data, Index row, const Eigen::RowVectorXd& e, Jump
   }
 }
 
-// An angle that jumps by a turn, which the filter takes for a large innovation. Where what is expected
-// jumps along, a little sooner or later with other parameters, the likelihood has cliffs.
+// An angle that jumps by a turn, which the filter takes for a large innovation. Where what is
+// expected jumps along, a little sooner or later with other parameters, the likelihood has cliffs.
 Findings check_turns(const Model& model, const std::vector<Dataset>& recordings,
                      const std::vector<FilterResult>& filters) {
   Findings out;

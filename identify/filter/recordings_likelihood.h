@@ -19,9 +19,9 @@
 namespace identikal {
 
 /// The likelihood of all recordings under a linear or nonlinear model, as a function of the free
-/// entries or of the optimiser's coordinates (lib/model/parameter.h). Where parameters have values of their own in
-/// some recordings (identify/model/own_parameters.h) the cost is that of every recording alone. Keeps references to model and
-/// recordings; one per thread.
+/// entries or of the optimiser's coordinates (lib/model/parameter.h). Where parameters have values
+/// of their own in some recordings (identify/model/own_parameters.h) the cost is that of every
+/// recording alone. Keeps references to model and recordings; one per thread.
 ///
 /// Example:
 ///
@@ -46,10 +46,10 @@ class RecordingsLikelihood {
   ///
   ///   log p(y(k+1), ... | y(1), ..., y(k))
   ///
-  /// where A or C hold free parameters that multiply states which start diffuse; k samples of every recording
-  /// determine the start, at the model's own values. The diffuse likelihood compares no such models:
-  /// it rises without limit where two states become one to the outputs, as at a pole of a shaping
-  /// filter that comes to lie on one of the system's. Else nothing changes.
+  /// where A or C hold free parameters that multiply states which start diffuse; k samples of every
+  /// recording determine the start, at the model's own values. The diffuse likelihood compares no
+  /// such models: it rises without limit where two states become one to the outputs, as at a pole
+  /// of a shaping filter that comes to lie on one of the system's. Else nothing changes.
   /// Source: Francke, Koopman and de Vos (2010), "Likelihood functions for state space models with
   /// diffuse initial conditions".
   void condition_on_beginning();
@@ -72,8 +72,9 @@ class RecordingsLikelihood {
   /// Of the constraints; before tighten_constraints() none.
   const Multipliers& multipliers() const { return multipliers_; }
 
-  /// From here on the roughness of the model's smooth curves counts: to the log-likelihood is added -1/2 w f' R f of each, f its
-  /// values at the knots (lib/model/spline_curve.h). @param w  one of each curve of the model, not negative
+  /// From here on the roughness of the model's smooth curves counts: to the log-likelihood is added
+  /// -1/2 w f' R f of each, f its values at the knots (lib/model/spline_curve.h). @param w  one of
+  /// each curve of the model, not negative
   void weigh_roughness(const Eigen::VectorXd& w) { roughness_weights_ = w; }
   bool weighs_roughness() const { return roughness_weights_.size() > 0; }
 

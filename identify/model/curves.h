@@ -13,13 +13,15 @@ namespace identikal {
 ///
 ///   let: {force: {spline: x, knots: [-0.2 m, 0 m, 0.2 m], unit: N}}
 ///
-/// is the cubic spline over x through the values of force_1, force_2, force_3 at the knots, which are parameters of that unit:
-/// they start at 0, or at `values: [...]`, unless the file has them itself. Every cubic is such a curve (at the second and the
-/// last but one knot the third derivative does not jump); outside of the knots it goes on straight. `table` in place of `spline` is straight between the knots; over two formulas, `table: [x, y]` with knots: [[...],
+/// is the cubic spline over x through the values of force_1, force_2, force_3 at the knots, which
+/// are parameters of that unit: they start at 0, or at `values: [...]`, unless the file has them
+/// itself. Every cubic is such a curve (at the second and the last but one knot the third
+/// derivative does not jump); outside of the knots it goes on straight. `table` in place of
+/// `spline` is straight between the knots; over two formulas, `table: [x, y]` with knots: [[...],
 /// [...]], it is linear in each of them and the value at knots i of x and j of y is force_i_j.
 ///
-/// The curve is linear in its values: as sharp as the knots are dense, and no sharper; with `smooth: true` as smooth as recordings
-/// ask for (identify/noise/ml.h).
+/// The curve is linear in its values: as sharp as the knots are dense, and no sharper; with
+/// `smooth: true` as smooth as recordings ask for (identify/noise/ml.h).
 ///
 /// Example:
 ///
@@ -27,10 +29,12 @@ namespace identikal {
 ///     std::puts(find(*find(root, "let"), "f")->text.c_str());  // a formula of x, f_1, f_2, f_3
 ///
 /// Source: de Boor (1978), "A practical guide to splines", chapter IV.
-/// @throws InputError for unknown keys, knots that do not rise or are too few or too many, units that differ
+/// @throws InputError for unknown keys, knots that do not rise or are too few or too many, units
+///   that differ
 YamlNode with_curves(YamlNode root);
 
-/// The splines of `let`, before they are written out. @param parameters  of the model that was made of it
+/// The splines of `let`, before they are written out. @param parameters  of the model that was made
+/// of it
 /// @throws InputError for `smooth` that is neither true nor false
 std::vector<SplineCurve> spline_curves(const YamlNode& root, const ParameterSet& parameters);
 

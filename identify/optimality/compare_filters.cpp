@@ -117,8 +117,8 @@ void check_models(const std::vector<Model>& models, std::size_t lists) {
   }
 }
 
-// Of y = a + b x with the same x in every row that both have: log |b|, once for every value behind the beginning. It makes
-// a density of y one of x.
+// Of y = a + b x with the same x in every row that both have: log |b|, once for every value behind
+// the beginning. It makes a density of y one of x.
 // @throws InputError where they are not such views of one measurement
 double log_units(const std::vector<Dataset>& of, const std::vector<Dataset>& in, Index output,
                  Index beginning, const Model& model) {

@@ -12,8 +12,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// 1, z, z^2, z^3, and max(0, z - z_k)^3 of the inner knots but the outermost two: as many as there are knots, so that
-// every cubic is among the curves ("not a knot"). Or their derivatives.
+// 1, z, z^2, z^3, and max(0, z - z_k)^3 of the inner knots but the outermost two: as many as there
+// are knots, so that every cubic is among the curves ("not a knot"). Or their derivatives.
 VectorXd basis(const std::vector<double>& knots, double z, int derivative) {
   const std::size_t n = knots.size();
   VectorXd out(static_cast<Index>(n));

@@ -8,8 +8,9 @@
 
 namespace identikal {
 
-/// A cubic spline through values at knots, straight outside of them; at the second and the last but one knot the
-/// third derivative does not jump. z: what it runs over, in mean distances of knots from the first one.
+/// A cubic spline through values at knots, straight outside of them; at the second and the last but
+/// one knot the third derivative does not jump. z: what it runs over, in mean distances of knots
+/// from the first one.
 struct SplineCurve {
   std::string name;
   std::vector<int> values;    ///< positions of the parameters that are its values at the knots
@@ -20,8 +21,8 @@ struct SplineCurve {
   bool smooth = false;  ///< as smooth as recordings ask for: its roughness counts against it
 };
 
-/// Coefficients of 1, z, z^2, z^3 and of max(0, z - z_k)^3 of the inner knots but the outermost two between the first
-/// knot and the last, by the values at the knots; a row each.
+/// Coefficients of 1, z, z^2, z^3 and of max(0, z - z_k)^3 of the inner knots but the outermost two
+/// between the first knot and the last, by the values at the knots; a row each.
 Eigen::MatrixXd spline_coefficients(const std::vector<double>& knots);
 
 /// Weights of the values at the knots in the curve at z; `slope`: in its slope there.
@@ -37,9 +38,10 @@ Eigen::MatrixXd spline_coefficients(const std::vector<double>& knots);
 /// Source: de Boor (1978), "A practical guide to splines", chapter IV.
 Eigen::VectorXd spline_weights(const std::vector<double>& knots, double z, bool slope = false);
 
-/// R with f' R f = the integral of the squared second derivative between the knots; its null space are the straight
-/// lines, rank knots - 2.
-/// Source: Green and Silverman (1994), "Nonparametric regression and generalized linear models", section 2.1.
+/// R with f' R f = the integral of the squared second derivative between the knots; its null space
+/// are the straight lines, rank knots - 2.
+/// Source: Green and Silverman (1994), "Nonparametric regression and generalized linear models",
+/// section 2.1.
 Eigen::MatrixXd spline_roughness(const std::vector<double>& knots);
 
 }  // namespace identikal

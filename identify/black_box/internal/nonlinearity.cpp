@@ -55,8 +55,9 @@ std::vector<Curve> curves_of(const Shape& shape, Index inputs, Index outputs) {
   return out;
 }
 
-// The system from where the curve acts to the outputs, its innovations' filter H^-1 behind it or not.
-InnovationForm way_of(const Curve& curve, const InnovationForm& model, bool to_innovations) {
+// The system from where the curve acts to the outputs, its innovations' filter H^-1 behind it or
+// not.
+InnovationForm system_of(const Curve& curve, const InnovationForm& model, bool to_innovations) {
   InnovationForm out = model;
   if (to_innovations) out.A = model.A - model.K * model.C;
   if (curve.place == Place::output) {
@@ -76,16 +77,17 @@ InnovationForm way_of(const Curve& curve, const InnovationForm& model, bool to_i
 // Of every recording, p values a row.
 using Values = std::vector<VectorXd>;
 
-// What the outputs, or the innovations, have of a curve. @param y  what stands for the outputs in it
-Values answers(const Curve& curve, const InnovationForm& model, bool of_innovations,
-               const ScaledRecordings& recordings, const std::vector<MatrixXd>& y) {
-  const InnovationForm way = way_of(curve, model, of_innovations);
+// What the outputs, or the innovations, have of a curve. @param y  what stands for the outputs in
+// it
+Values responses(const Curve& curve, const InnovationForm& model, bool of_innovations,
+                 const ScaledRecordings& recordings, const std::vector<MatrixXd>& y) {
+  const InnovationForm system = system_of(curve, model, of_innovations);
   Values out;
   for (std::size_t k = 0; k < y.size(); ++k) {
     const Eigen::RowVectorXd signal =
         curve.place == Place::input ? recordings.u[k].row(curve.input) : y[k].row(curve.output);
-    const MatrixXd s =
-        simulated_outputs(way, signal.unaryExpr(curve.shape->of), VectorXd::Zero(way.states()));
+    const MatrixXd s = simulated_outputs(system, signal.unaryExpr(curve.shape->of),
+                                         VectorXd::Zero(system.states()));
     out.emplace_back(s.reshaped());
   }
   return out;
@@ -114,8 +116,9 @@ struct Regression {
   }
 };
 
-// The answers to straight lines in place of curves: they span how the model's own parameters move the outputs.
-// @param y  as answers() takes them
+// The responses to straight lines in place of curves: they span how the model's own parameters move
+// the outputs.
+// @param y  as responses() takes them
 void add_lines(const InnovationForm& model, const ScaledRecordings& recordings,
                const std::vector<MatrixXd>& y, bool of_innovations, Regression& out) {
   constexpr Index kMost = 60;  // columns
@@ -126,7 +129,7 @@ void add_lines(const InnovationForm& model, const ScaledRecordings& recordings,
   Index column = out.Z.cols();
   out.Z.conservativeResize(Eigen::NoChange, column + each * lags);
   for (const Curve& line : lines) {
-    const Values values = answers(line, model, of_innovations, recordings, y);
+    const Values values = responses(line, model, of_innovations, recordings, y);
     for (Index lag = 0; lag < lags; ++lag, column += p)
       out.Z.middleCols(column, p) = out.rows_of(values, p, lag);
   }
@@ -171,8 +174,8 @@ double two_sided(double sum, double variance, double freedom) {
   return f_upper_tail(sum * sum / variance, 1.0, freedom);
 }
 
-// The scores' sum against their scatter: by parts of the recording, and where that is significant by their autocovariances too, for
-// colour that outlasts a part.
+// The scores' sum against their scatter: by parts of the recording, and where that is significant
+// by their autocovariances too, for colour that outlasts a part.
 // @param regressors  that e and w are without
 Score score(const MatrixXd& e, const MatrixXd& w, Index regressors) {
   const double weight = w.squaredNorm();
@@ -265,7 +268,7 @@ std::vector<BlackBox::Nonlinearity> nonlinearities(const InnovationForm& model,
   }
   std::vector<BlackBox::Nonlinearity> out;
   for (const Curve& curve : curves) {
-    const Values in_innovations = answers(curve, model, true, recordings, tests.predicted);
+    const Values in_innovations = responses(curve, model, true, recordings, tests.predicted);
     const MatrixXd w = tests.of_innovations.left_of(in_innovations, p) * tests.whitening;
     const Score found = score(tests.e, w, regressors);
     if (!(found.p * static_cast<double>(curves.size()) < kSignificant)) continue;
@@ -277,7 +280,7 @@ std::vector<BlackBox::Nonlinearity> nonlinearities(const InnovationForm& model,
     each.p = found.p;
     each.of_innovations = found.share;
     if (simulates) {
-      const Values simulated = answers(curve, model, false, recordings, tests.simulated);
+      const Values simulated = responses(curve, model, false, recordings, tests.simulated);
       const MatrixXd s = tests.of_simulations.left_of(simulated, p);
       each.of_simulation = score(tests.simulation_error, s, regressors).share;
     }

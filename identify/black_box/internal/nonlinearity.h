@@ -14,17 +14,19 @@
 namespace identikal {
 
 /// Score tests of static curves that the model lacks: w = H^-1 s is what the innovations would have
-/// of it, s the outputs' answer to the square, the cube or the absolute value
+/// of it, s the outputs' response to the square, the cube or the absolute value
 ///
 /// * of an input in that input's place (Hammerstein),
 /// * of a predicted output where it is measured (Wiener),
 /// * of a predicted output in an input's place (a spring, a drag), of at most nine pairs.
 ///
 /// What the inputs and outputs of some rows before explain linearly is taken out of w and of the
-/// innovations: the model's matrices were fitted. The significance is that of the scores' sum
-/// against the scatter of forty parts of the recording and against their autocovariances (Kiefer and
-/// Vogelsang 2005): it allows for colour and for unequal noise. Of the p-values of all curves the
-/// least counts, times their number (Bonferroni). Source of the idea: Billings and Voon (1986).
+/// innovations, and so are the responses to straight lines in place of curves: the model's matrices
+/// were fitted. The significance is that of the scores' sum against the scatter of forty parts of
+/// the recording and against their autocovariances (Kiefer and Vogelsang 2005): it allows for
+/// colour and for unequal noise. Of the p-values of all curves the least counts, times their number
+/// (Bonferroni).
+/// Source of the idea: Billings and Voon (1986).
 ///
 /// @param model  of scaled recordings
 /// @param skip   rows at the beginning of each that still know its first state

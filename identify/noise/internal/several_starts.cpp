@@ -66,7 +66,8 @@ bool every_coordinate_matters(const Point& at) {
   return true;
 }
 
-// Of a regression, SolverOptions::flat, and the gain still expected where the last digits are found.
+// Of a regression, SolverOptions::flat, and the gain still expected where the last digits are
+// found.
 constexpr double kFlatSlopes = 1e-13, kLastDigits = 1e-19;
 
 SolverOptions search_options() {
@@ -135,8 +136,8 @@ bool is_doubted(const Model& model, const LikelihoodProblem& problem, const Solu
   return false;
 }
 
-// Where a variance that ended at zero is so large that samples tell it well, all else as it was found: the likelihood may
-// have a maximum there too, which scattered starts meet by luck alone.
+// Where a variance that ended at zero is so large that samples tell it well, all else as it was
+// found: the likelihood may have a maximum there too, which scattered starts meet by luck alone.
 std::optional<VectorXd> with_variance_raised(const LikelihoodProblem& problem, const Point& found,
                                              Index i, double samples) {
   constexpr double kTold = 0.05, kStep = 10.0;  // of the information in `samples` values
@@ -183,7 +184,8 @@ struct Search {
 
 class Searches {
  public:
-  // @param squares  without noise of unknown size a simulation's likelihood is its squares: nothing counts beside them
+  // @param squares  without noise of unknown size a simulation's likelihood is its squares: nothing
+  //   counts beside them
   Searches(const Model& model, const FactorCoordinates& factors, const NoiseMlOptions& options,
            std::vector<VectorXd> starts, double samples, bool shot, bool squares = true)
       : options_(options),

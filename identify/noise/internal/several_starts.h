@@ -36,9 +36,10 @@ struct SeveralStarts {
 };
 
 /// Searches from the model's own values, and from others scattered about them where options.starts
-/// says so. 0 asks for four more where the first leaves a doubt; where variances alone are unknown and
-/// some may be zero, for one with each of these so large that the samples tell it, and so on from a
-/// better maximum that is found there. One that comes near the first one's maximum ends there.
+/// says so. 0 asks for four more where the first leaves a doubt; where variances alone are unknown
+/// and some may be zero, for one with each of these so large that the samples tell it, and so on
+/// from a better maximum that is found there. One that comes near the first one's maximum ends
+/// there.
 /// @param factors  of the named covariances; options.threads searches run at a time
 SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const ParameterSet& parameters,
                                  const FactorCoordinates& factors, const NoiseMlOptions& options);

@@ -1,4 +1,5 @@
-// A model from data alone, on systems that are known: order, matrices, errors, and what is not to be modelled.
+// A model from data alone, on systems that are known: order, matrices, errors, and what is not to
+// be modelled.
 #include "identify/black_box/black_box.h"
 
 #include <cmath>
@@ -113,8 +114,9 @@ TEST(BlackBox, SaysWhenAnInputIsFirstSeen) {
 }
 
 TEST(BlackBox, ErrorsOfPolesAndGainCoverTheTruth) {
-  // 60 recordings, 95 % intervals of four numbers: below 212 of 240 with a probability of 1e-7 if they were independent;
-  // poles of one recording are not, so that the false-alarm rate is about 1e-3.
+  // 60 recordings, 95 % intervals of four numbers: below 212 of 240 with a probability of 1e-7 if
+  // they were independent; poles of one recording are not, so that the false-alarm rate is about
+  // 1e-3.
   const Plant plant;
   int covered = 0, counted = 0;
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
@@ -189,7 +191,8 @@ TEST(BlackBox, TheMeanOfASlowSwingIsNoOperatingPoint) {
   EXPECT_NEAR(point(found(record))[0].value, record.u.mean(), 1e-9);
 }
 
-// One state for two poles: the predictions' is that of the drift, the simulation's that of what the input does.
+// One state for two poles: the predictions' is that of the drift, the simulation's that of what the
+// input does.
 TEST(BlackBox, SimulatesByOutputErrorWhereThatIsBetter) {
   Random random(3);
   const Index rows = 3000;
@@ -312,7 +315,8 @@ TEST(BlackBox, NamesTheCurveThatALinearModelLacks) {
 }
 
 TEST(BlackBox, ALinearSystemLacksNoCurve) {
-  // At 0.1 % each by Bonferroni's bound, two or more of 60 come in 0.2 % of such tests; the seeds are fixed.
+  // At 0.1 % each by Bonferroni's bound, two or more of 60 come in 0.2 % of such tests; the seeds
+  // are fixed.
   int alarms = 0;
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     const Record record = recorded(Plant{}, 1000, 500 + seed, seed % 2 == 0 ? 0.0 : 0.2);
@@ -352,7 +356,8 @@ TEST(BlackBox, WhatADelayedInputMayHaveDoneBeforeIsSaid) {
   record.y = late;
   const BlackBox::Delay delay = found(record).estimate.black_box.delays[0];
   EXPECT_EQ(delay.rows, 6);
-  // Two errors of a response, 0.3 of noise over the root of 2000 rows of input, by a largest response of about 0.4.
+  // Two errors of a response, 0.3 of noise over the root of 2000 rows of input, by a largest
+  // response of about 0.4.
   EXPECT_GT(delay.before, 0.01);
   EXPECT_LT(delay.before, 0.08);
 }

@@ -1,4 +1,5 @@
-// Smooth curves: as smooth as marginal likelihood has it, against dense algebra, and bands that hold the truth.
+// Smooth curves: as smooth as marginal likelihood has it, against dense algebra, and bands that
+// hold the truth.
 #include "identify/noise/internal/curve_smoothness.h"
 
 #include <cmath>
@@ -97,8 +98,9 @@ TEST(CurveSmoothness, AStraightLineStaysOne) {
 }
 
 TEST(CurveSmoothness, BandsHoldTheTruth) {
-  // 95 % bands at 41 places of 40 curves: over the curve, they hold 95 % on average (Wahba 1983). The mean of 40 curves, of some
-  // five independent values each, has a standard deviation of 1.5 %: below 90 or above 99 % in less than 1 % of such tests.
+  // 95 % bands at 41 places of 40 curves: over the curve, they hold 95 % on average (Wahba 1983).
+  // The mean of 40 curves, of some five independent values each, has a standard deviation of 1.5 %:
+  // below 90 or above 99 % in less than 1 % of such tests.
   const Model model = model_of_curve(kCurve, "s: {value: 1, min: 0}");
   double held = 0.0, places = 0.0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {

@@ -1,4 +1,5 @@
-// Does the search for the greatest likelihood arrive, say so, and give errors of what is determined?
+// Does the search for the greatest likelihood arrive, say so, and give errors of what is
+// determined?
 #include <cmath>
 
 #include <Eigen/LU>
@@ -226,8 +227,8 @@ TEST(NoiseMlSearch, StartsOnceWhereThereIsNoDoubt) {
   EXPECT_GT(at_zero, 0);
 }
 
-// Of two levels whose noise is an autoregression: each has a maximum where the level stands still and
-// one where it wanders, and from a file's small variances the first search comes to the former.
+// Of two levels whose noise is an autoregression: each has a maximum where the level stands still
+// and one where it wanders, and from a file's small variances the first search comes to the former.
 TEST(NoiseMlSearch, VariancesAtZeroAreRaised) {
   const Model model = model_of(R"(identikal: 1
 time: {step: 1 s}
@@ -264,8 +265,9 @@ outputs: [{name: a, column: a}, {name: b, column: b}]
   EXPECT_GE(several, 1);
 }
 
-// Of a seasonal autoregression that begins with a variance of 1e10 in each state, the likelihood has a
-// spike where a coefficient is zero: of a width of 1e-4, and without expected information at its top.
+// Of a seasonal autoregression that begins with a variance of 1e10 in each state, the likelihood
+// has a spike where a coefficient is zero: of a width of 1e-4, and without expected information at
+// its top.
 TEST(NoiseMlSearch, ArrivesAtTheSpikeOfALargeStartVariance) {
   const Model model = model_of(R"(identikal: 1
 name: seasonal
