@@ -32,8 +32,7 @@ namespace identikal {
 ///     const auto ranking = compare_filters({model, louder}, {recordings, recordings});
 ///
 /// @param recordings  of each model: its own view of the same files; units and offsets of the
-///   outputs may differ,
-///   likelihoods are those in units of the first
+///   outputs may differ, likelihoods are those in units of the first
 /// @throws InputError for fewer than two models, a vehicle, a regression, and outputs that differ
 /// Source: Matisko (2013), (3.23) to (3.25).
 Comparison compare_filters(const std::vector<Model>& models,

@@ -4,7 +4,7 @@
     nonlinear_systems.py TOOL COUNT
 
 Simulated systems of order 1 to 4, 1000 to 8000 rows, four kinds of inputs, white and coloured noise: linear ones (with heavy tails,
-and louder where the input is, too), and such with a curve before them, behind them or within. Prints how often a curve was named
+and louder where the input is, too; and fitted as output error in strongly coloured noise), and such with a curve before them, behind them or within. Prints how often a curve was named
 and how often in its place.
 """
 import json
@@ -14,9 +14,10 @@ import tempfile
 
 import numpy
 
+OUTPUT_ERROR = "linear, as output error"
 # What acts where: before the system, where it is measured, back on its input.
 KINDS = {
-    "linear": None, "linear, heavy tails": None, "linear, louder with the input": None,
+    "linear": None, "linear, heavy tails": None, "linear, louder with the input": None, OUTPUT_ERROR: None,
     "square of the input": "input", "saturation": "input", "dead zone": "input",
     "square of the output": "output", "spring": "feedback",
 }
@@ -67,8 +68,19 @@ def noise_of(random, kind, u):
     return e / ratio * (1 + 0.8 * numpy.abs(u) if kind == "linear, louder with the input" else 1.0)
 
 
+def in_coloured_noise(random, rows=800):
+    """(0.5 q^-1 + 0.3 q^-2) / (1 - 1.5 q^-1 + 0.7 q^-2) u, and an autoregression of 0.9."""
+    u, e, y, v = random.normal(size=rows), 0.3 * random.normal(size=rows), numpy.zeros(rows), numpy.zeros(rows)
+    for t in range(2, rows):
+        y[t] = 0.5 * u[t - 1] + 0.3 * u[t - 2] + 1.5 * y[t - 1] - 0.7 * y[t - 2]
+        v[t] = 0.9 * v[t - 1] + e[t]
+    return u, y + v
+
+
 def recording(kind, seed):
     random = numpy.random.default_rng(seed)
+    if kind == OUTPUT_ERROR:
+        return in_coloured_noise(random)
     rows = int(random.choice([1000, 3000, 8000]))
     A, B, C = system(random, random.integers(1, 5))
     u = driven(random, rows)
@@ -93,7 +105,8 @@ def main():
             with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
                 numpy.savetxt(file, numpy.c_[u, y], delimiter=",", header="u,y", comments="")
                 file.flush()
-                run = subprocess.run([tool, "model", file.name, "--input", "u", "--output", "y", "--json", "--quiet"],
+                options = ["--as", "oe", "--order", "2", "--delay", "1"] if kind == OUTPUT_ERROR else []
+                run = subprocess.run([tool, "model", file.name, "--input", "u", "--output", "y", "--json", "--quiet", *options],
                                      capture_output=True, text=True, check=False)
             result = json.loads(run.stdout)
             findings = [w for w in result["warnings"] if w["code"] == "nonlinear"]
