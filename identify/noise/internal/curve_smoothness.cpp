@@ -18,7 +18,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int kMostRounds = 40;
-constexpr double kSettled = 0.01;   // of the logarithm of a weight
+constexpr double kSettled = 0.005;  // of the free numbers
 constexpr double kStraight = 1e-3;  // free numbers beyond a straight line that are none
 
 // Of what the recordings do not determine the variance is large, and finite.
@@ -84,7 +84,7 @@ VectorXd learn_smoothness(SeveralStarts& found, RecordingsLikelihood& likelihood
   VectorXd freedom = VectorXd::Constant(n, kNone), weights = VectorXd::Zero(n);
   const bool any = std::any_of(model.curves.begin(), model.curves.end(),
                                [](const SplineCurve& c) { return c.smooth; });
-  for (int round = 0; any && round < kMostRounds; ++round) {
+  for (int round = 0; any; ++round) {
     const ParameterSet at = with_coordinates(model.parameters, factors.to(found.best.x));
     const Likelihood* here = likelihood.evaluate(at, true);
     if (here == nullptr || found.best.summary.termination == Termination::stopped) break;
@@ -95,15 +95,19 @@ VectorXd learn_smoothness(SeveralStarts& found, RecordingsLikelihood& likelihood
       if (!curve.smooth) continue;
       const Roughness rough = roughness_at(curve, at, covariance);
       const double g = std::clamp(rough.rank - weights[c] * rough.of_errors, 0.0, rough.rank);
+      change = std::max(change, round == 0 ? 1.0 : std::abs(g + 2.0 - freedom[c]));
       freedom[c] = g + 2.0;
       if (g < kStraight && round > 0) continue;  // a straight line: more weight changes nothing
       const double next =
           round == 0 ? rough.rank / (rough.of_values + rough.of_errors) : g / rough.of_values;
-      if (!std::isfinite(next)) continue;
-      change = std::max(change, round == 0 ? 1.0 : std::abs(std::log(next / weights[c])));
-      weights[c] = next;
+      if (std::isfinite(next)) weights[c] = next;
     }
     if (change < kSettled) break;
+    if (round == kMostRounds) {
+      found.best.summary.termination = Termination::no_progress;
+      found.best.summary.message = "the smoothness of the curves does not settle";
+      break;
+    }
     likelihood.weigh_roughness(weights);
     search_again(found, likelihood, factors, options);
     found.best_ends = {found.best.x};  // others were those of rougher curves
