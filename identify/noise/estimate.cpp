@@ -322,12 +322,11 @@ void report_criteria(Objective& objective, double unknowns, const Model& model,
 
 // Cliffs of a likelihood are why a search ends short of its maximum.
 void blame_cliffs(Findings& findings) {
-  const auto is = [](FindingCode code) {
-    return [code](const Finding& finding) { return finding.code == code; };
-  };
-  if (!std::any_of(findings.begin(), findings.end(), is(FindingCode::not_converged))) return;
+  const bool short_of = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
+    return finding.code == FindingCode::not_converged;
+  });
   for (Finding& finding : findings) {
-    if (finding.code == FindingCode::turn) finding.severity = Severity::serious;
+    if (short_of && finding.code == FindingCode::turn) finding.severity = Severity::serious;
   }
 }
 
