@@ -72,7 +72,14 @@ Outcome bound(const BoundRequest& request, Call& call) {
     refuse_twice("--input", request.signals);
     planned = signal_inputs(model, request.signals, request.rows);
   }
-  if (planned) take_period(model, *planned);
+  if (!planned && !model.recordings.empty()) {
+    throw InputError({model.source, 0, 0}, "the bound of parameters with values in recordings",
+                     "a recording of the inputs, by whose name they are known");
+  }
+  if (planned) {
+    take_period(model, *planned);
+    model = model_of_recording(std::move(model), *planned);
+  }
   BoundOptions options;
   options.samples = request.inputs.empty() ? request.rows : planned->size();
   if (request.runs > 0) options.runs = static_cast<int>(request.runs);

@@ -94,6 +94,7 @@ Outcome forecast_ahead(const ForecastOptions& given, Call& call) {
   const Findings origin = findings_of_origin(given.model, call.inputs);
   recordings.findings.insert(recordings.findings.begin(), origin.begin(), origin.end());
   take_period(model, recordings.data.front());
+  model = model_of_recording(std::move(model), recordings.data.front());
   model = going_on_from_rows_before(std::move(model), given.recordings, recordings, call.inputs);
   std::optional<Dataset> future;
   if (!given.inputs.empty()) {

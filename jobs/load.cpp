@@ -82,7 +82,8 @@ void refuse_student(const Model& model, const std::string& verb) {
 }
 
 void refuse_own_parameters(const Model& model, const std::string& verb) {
-  static const std::vector<std::string> kTakeThem = {"tune", "fit", "filter", "check", "simulate"};
+  static const std::vector<std::string> kTakeThem = {"tune",     "fit",   "filter",  "check",
+                                                     "simulate", "bound", "forecast"};
   if (model.recordings.empty() ||
       std::find(kTakeThem.begin(), kTakeThem.end(), verb) != kTakeThem.end()) {
     return;
@@ -90,7 +91,8 @@ void refuse_own_parameters(const Model& model, const std::string& verb) {
   throw InputError(
       {model.source, 0, 0},
       fmt::format("'{}' takes no parameters with values of their own in each recording", verb),
-      "a model without 'per' and 'recordings'", "tune, fit, filter and check take them");
+      "a model without 'per' and 'recordings'",
+      "tune, fit, filter, check, forecast, bound and validate take them");
 }
 
 }  // namespace
@@ -423,6 +425,15 @@ Model joint_model(Model model, Recordings& recordings) {
                      "files of different names, each once");
   }
   return for_recordings(std::move(model), recordings.data);
+}
+
+Model model_of_recording(Model model, Dataset& recording) {
+  if (model.recordings.empty()) return model;
+  std::vector<Dataset> alone = {recording};
+  const Model joint = for_recordings(std::move(model), alone);
+  Model out = model_in(joint, alone.front());
+  recording.own.clear();
+  return out;
 }
 
 namespace {

@@ -55,13 +55,17 @@ struct Recordings {
 /// Those of all DATA arguments. @throws InputError
 Recordings load_recordings(const RecordingOptions& options, const Model& model,
                            const std::string& verb, Inputs& inputs);
-/// The model of these recordings together (identify/model/own_parameters.h). @throws InputError also where two
-/// files have one name
+/// The model of these recordings together (identify/model/own_parameters.h). @throws InputError
+/// also where two files have one name
 Model joint_model(Model model, Recordings& recordings);
+
+/// The model of one recording alone, with the values that its parameters have there.
+/// @throws InputError as for_recordings()
+Model model_of_recording(Model model, Dataset& recording);
 /// A model file that names no sampling period has the recording's.
 void take_period(Model& model, const Dataset& data);
-/// The model, in the state that its filter comes to through the rows before --range, where that is a
-/// range of one recording; the findings say so. Else the model itself, which starts anew.
+/// The model, in the state that its filter comes to through the rows before --range, where that is
+/// a range of one recording; the findings say so. Else the model itself, which starts anew.
 Model going_on_from_rows_before(Model model, const RecordingOptions& options,
                                 Recordings& recordings, Inputs& inputs);
 /// The files that a result rests on, and its own: nothing is to be written over them.

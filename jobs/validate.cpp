@@ -40,12 +40,6 @@ void refuse_what_estimates_nothing(const StoredResult& result, const Model& mode
     throw InputError({result.path, 0, 0}, "a result about a regression",
                      "a result of tune, check or fit");
   }
-  if (!model.recordings.empty()) {
-    throw InputError({result.path, 0, 0},
-                     "parameters with values of their own in each recording, which another has not",
-                     "a result of a model without 'per' and 'recordings'",
-                     "'filter --from' takes the recordings that the result knows");
-  }
   if (result.estimate.verb == "bound") {
     throw InputError({result.path, 0, 0}, "a result of 'bound', which has estimated nothing",
                      "a result of tune, check or fit");
@@ -68,6 +62,7 @@ Outcome validate_result(const ValidationOptions& given, Call& call) {
   Recordings recordings = load_recordings(given.recordings, model, run.verb, call.inputs);
   if (!vehicle) {
     take_period(model, recordings.data.front());
+    model = joint_model(std::move(model), recordings);
     model = going_on_from_rows_before(std::move(model), given.recordings, recordings, call.inputs);
   }
   KeptResult validation = kept(std::make_shared<Validation>(

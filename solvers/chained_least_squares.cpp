@@ -274,10 +274,11 @@ class ChainedSearch {
         end(Termination::converged, "no step promises less");
         return false;
       }
+      const bool straight = problem_.state > 0 || bend(dp);
       const MatrixXd states = end_.states + ds;
       const VectorXd shared = (end_.shared + dp).cwiseMax(problem_.lower).cwiseMin(problem_.upper);
       const bool defined =
-          ds.allFinite() && dp.allFinite() && evaluate(states, shared, false, trial_);
+          straight && ds.allFinite() && dp.allFinite() && evaluate(states, shared, false, trial_);
       const double there = defined ? sum_of_squares(trial_) : 0.0;
       const double gain = defined ? (sum_ - there) / expected : -1.0;
       if (gain > 1e-4 && evaluate(states, shared, true, links_)) {
@@ -290,6 +291,32 @@ class ChainedSearch {
         return false;
       }
     }
+  }
+
+  // Where no state is free, adds to a step what the residuals' curvature along it asks for: steps
+  // then follow a valley that bends.
+  // @return is that less than the step? Else it leaves where slopes mean anything
+  bool bend(VectorXd& dp) {
+    constexpr double kProbe = 0.1, kMost = 0.75;
+    const VectorXd probe =
+        (end_.shared + kProbe * dp).cwiseMax(problem_.lower).cwiseMin(problem_.upper);
+    if (!dp.allFinite() || !evaluate(end_.states, probe, false, trial_)) return false;
+    curved_ = links_;
+    for (std::size_t k = 0; k < curved_.size(); ++k) {
+      ChainLink& link = curved_[k];
+      const VectorXd change = (trial_[k].residuals - link.residuals) / kProbe;
+      link.residuals = (change - link.by_shared * dp) / kProbe;
+    }
+    const VectorXd scale = without_zeros(shared_scale_);
+    MatrixXd none(0, problem_.links);
+    VectorXd bent;
+    elimination_.eliminate(curved_, damping_, none, scale);
+    elimination_.solve(problem_.lower - end_.shared - dp, problem_.upper - end_.shared - dp, none,
+                       bent);
+    const double step = scale.cwiseProduct(dp).norm(), more = scale.cwiseProduct(bent).norm();
+    if (!(2.0 * more <= kMost * step)) return false;
+    dp += bent;
+    return true;
   }
 
   bool accept(const MatrixXd& states, const VectorXd& shared, double there, double gain) {
@@ -325,7 +352,7 @@ class ChainedSearch {
   const SolverOptions& options_;
   ChainedSolution& end_;
   Elimination elimination_;
-  std::vector<ChainLink> links_, trial_;
+  std::vector<ChainLink> links_, trial_, curved_;
   MatrixXd state_scale_;
   VectorXd shared_scale_;
   double sum_ = 0.0, damping_ = kFirstDamping, factor_ = 2.0;

@@ -43,10 +43,14 @@ struct ChainedSolution {
 /// form), so that no product of a long chain's transitions is ever made, and no square of a
 /// derivative. Damping is in units of the largest derivative by each unknown so far. A shared
 /// unknown that would leave its bounds goes to them, and the others to where that is best.
+/// Where no state is free (state = 0) steps allow for the second derivative of the residuals along
+/// them, by differences (geodesic acceleration): they follow narrow valleys that bend, and are shortened
+/// where the bend asks for more than the step itself.
 /// Of the options it knows max_iterations, function_tolerance (of the reduction still expected of
 /// a whole step), parameter_tolerance (of p) and progress.
 /// Source: Bierman (1977), "Factorization Methods for Discrete Sequential Estimation", chapter V;
-/// Moré (1978); Nielsen (1999), "Damping parameter in Marquardt's method".
+/// Moré (1978); Nielsen (1999), "Damping parameter in Marquardt's method"; Transtrum & Sethna (2012),
+/// "Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares minimization".
 ///
 /// Example:
 ///

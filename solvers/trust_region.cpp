@@ -29,6 +29,7 @@ struct Squares {
 
 class TrustRegion {
  public:
+  /// @param samples       0: the noise is known, and what is minimised is -L itself
   /// @param first_radius  over |D x|
   TrustRegion(const LikelihoodProblem& problem, double samples, double first_radius)
       : problem_(problem), samples_(samples), first_radius_(first_radius) {}
@@ -64,7 +65,13 @@ class TrustRegion {
       const double length = D.cwiseProduct(step).norm();
       if (first) radius = std::min(radius, length);
       const double promised = -at.slope.dot(step) - 0.5 * step.dot(at.curvature * step);
-      summary.expected_gain = promised / at.value * 0.5 * samples_;
+      summary.expected_gain = is_known() ? promised : promised / at.value * 0.5 * samples_;
+      const bool rounded = promised < 0.0 && -summary.expected_gain > options.decrement_tolerance;
+      if (rounded && radius > kSmallest * size) {
+        // What the curvature hardly tells is lost in rounding: a shorter step is not.
+        radius = 0.1 * std::min(radius, length);
+        continue;
+      }
       if (!(summary.expected_gain > options.decrement_tolerance)) {
         if (cut_) return finish(Termination::no_progress, "no step increases the likelihood");
         return finish(Termination::converged, "the increase still expected is below the tolerance");
@@ -81,7 +88,7 @@ class TrustRegion {
       const bool defined = evaluate(at.x + step, next);
       const double came = defined ? at.value - next.value : -1.0;
       if (came < 0.25 * promised) {
-        const bool near = defined && next.value < 100.0 * at.value;
+        const bool near = defined && (is_known() || next.value < 100.0 * at.value);
         radius = (near ? 0.5 : 0.1) * std::min(radius, 10.0 * length);
       } else if (came > 0.75 * promised) {
         radius = 2.0 * length;
@@ -101,6 +108,8 @@ class TrustRegion {
   bool is_on_plateau() const { return vanished_; }
 
  private:
+  bool is_known() const { return samples_ == 0.0; }
+
   bool evaluate(const VectorXd& x, Squares& out) {
     out.x = x.cwiseMax(problem_.lower).cwiseMin(problem_.upper);
     if (!problem_.evaluate(out.x, out.L, &out.slope, &out.curvature) || !std::isfinite(out.L)) {
@@ -108,8 +117,8 @@ class TrustRegion {
     }
     if (!begun_) begin_ = out.L;
     begun_ = true;
-    const double squares = std::exp(-2.0 * (out.L - begin_) / samples_);
-    out.value = 0.5 * samples_ * squares;
+    const double squares = is_known() ? 1.0 : std::exp(-2.0 * (out.L - begin_) / samples_);
+    out.value = is_known() ? begin_ - out.L : 0.5 * samples_ * squares;
     out.slope *= -squares;
     out.curvature *= squares;
     return std::isfinite(out.value) && out.slope.allFinite() && out.curvature.allFinite();
@@ -187,24 +196,21 @@ class TrustRegion {
   }
 
   const LikelihoodProblem& problem_;
-  double samples_, first_radius_, begin_ = 0.0;
+  const double samples_, first_radius_;
+  double begin_ = 0.0;
   bool begun_ = false, vanished_ = false, cut_ = false;
   VectorXd largest_weight_;  // of the coordinates: what moving by all of themselves would change
   VectorXd scale_;           // D
 };
 
-}  // namespace
-
-Solution maximise_from_afar(const LikelihoodProblem& problem, const VectorXd& start, double samples,
-                            const SolverOptions& options) {
-  if (problem.lower.size() != start.size() || problem.upper.size() != start.size() ||
-      !(samples > 0.0)) {
-    throw std::invalid_argument(
-        "maximise_from_afar: start and bounds differ in size, or no samples");
+Solution best_of_radii(const LikelihoodProblem& problem, const VectorXd& start, double samples,
+                       const SolverOptions& options) {
+  if (problem.lower.size() != start.size() || problem.upper.size() != start.size()) {
+    throw std::invalid_argument("trust region: start and bounds differ in size");
   }
   if ((start.array() < problem.lower.array()).any() ||
       (start.array() > problem.upper.array()).any()) {
-    throw std::invalid_argument("maximise_from_afar: the start lies outside the bounds");
+    throw std::invalid_argument("trust region: the start lies outside the bounds");
   }
   Solution best;
   SolverOptions left = options;
@@ -225,6 +231,19 @@ Solution maximise_from_afar(const LikelihoodProblem& problem, const VectorXd& st
     if (stopped || !search.is_on_plateau() || left.max_iterations <= 0) break;
   }
   return best;
+}
+
+}  // namespace
+
+Solution maximise_from_afar(const LikelihoodProblem& problem, const VectorXd& start, double samples,
+                            const SolverOptions& options) {
+  if (!(samples > 0.0)) throw std::invalid_argument("maximise_from_afar: no samples");
+  return best_of_radii(problem, start, samples, options);
+}
+
+Solution maximise_of_known_noise(const LikelihoodProblem& problem, const VectorXd& start,
+                                 const SolverOptions& options) {
+  return best_of_radii(problem, start, 0.0, options);
 }
 
 }  // namespace identikal

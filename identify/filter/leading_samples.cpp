@@ -33,24 +33,32 @@ double log_density(const FilterResult& filter, Index t) {
                  static_cast<double>(present.size()) * std::log(2.0 * std::numbers::pi));
 }
 
+}  // namespace
+
+VectorXd log_likelihood_by_row(const FilterResult& filter, const Dataset& data) {
+  VectorXd out = VectorXd::Constant(filter.e.cols(), kNone);
+  const VectorXd jacobian = log_jacobian(data);
+  for (Index t = filter.first_proper; t < out.size(); ++t) {
+    out[t] = log_density(filter, t) + (jacobian.size() > 0 ? jacobian[t] : 0.0);
+  }
+  return out;
+}
+
+namespace {
+
 // Of one recording, log p(y(1), ..., y(k)) for k = 1 ... count.
-VectorXd running_sum(const FilterResult& filter, Index count) {
+VectorXd running_sum(const FilterResult& filter, const Dataset& data, Index count) {
+  const VectorXd rows = log_likelihood_by_row(filter, data);
   VectorXd out = VectorXd::Constant(count, kNone);
   double sum = filter.log_likelihood;
   for (Index k = count; k >= std::max<Index>(1, filter.first_proper); --k) {
     out[k - 1] = sum;
-    sum -= log_density(filter, k - 1);
+    sum -= rows[k - 1];
   }
   return out;
 }
 
 }  // namespace
-
-VectorXd log_likelihood_by_row(const FilterResult& filter) {
-  VectorXd out = VectorXd::Constant(filter.e.cols(), kNone);
-  for (Index t = filter.first_proper; t < out.size(); ++t) out[t] = log_density(filter, t);
-  return out;
-}
 
 LeadingSamples leading_samples(const Model& model, const ParameterSet& parameters,
                                const std::vector<Dataset>& recordings) {
@@ -65,7 +73,7 @@ LeadingSamples leading_samples(const Model& model, const ParameterSet& parameter
   for (const Dataset& data : recordings) {
     const FilterResult filter = run_filter(model, parameters, first_samples(data, count), keep);
     if (filter.status != FilterStatus::ok) return out;
-    sum += running_sum(filter, count);
+    sum += running_sum(filter, data, count);
     out.diffuse = std::max(out.diffuse, filter.first_proper);
   }
   out.log_likelihood = sum;

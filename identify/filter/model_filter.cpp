@@ -28,8 +28,10 @@ SmootherResult filtered_states(const FilterResult& filter) {
 
 }  // namespace
 
-FilterResult run_filter(const Model& model, const ParameterSet& parameters,
-                        const Dataset& recording, Keep keep) {
+namespace {
+
+FilterResult run_any_filter(const Model& model, const ParameterSet& parameters,
+                            const Dataset& recording, Keep keep) {
   if (model.student) return StudentFilter(model, recording).run(parameters, keep).filter;
   if (changes(model)) return changing_filter(model, parameters, recording, keep);
   if (is_formula_model(model)) {
@@ -38,6 +40,18 @@ FilterResult run_filter(const Model& model, const ParameterSet& parameters,
   const LinearModel& linear = as_linear(model);
   return kalman_filter(instantiate(linear, parameters), linear.initial, recording.y,
                        model_inputs(linear, recording.u), keep);
+}
+
+}  // namespace
+
+FilterResult run_filter(const Model& model, const ParameterSet& parameters,
+                        const Dataset& recording, Keep keep) {
+  FilterResult out = run_any_filter(model, parameters, recording, keep);
+  const Eigen::VectorXd jacobian = log_jacobian(recording);
+  if (jacobian.size() > 0 && out.status == FilterStatus::ok) {
+    out.log_likelihood += jacobian.tail(jacobian.size() - out.first_proper).sum();
+  }
+  return out;
 }
 
 namespace {

@@ -9,6 +9,7 @@
 #include "identify/filter/changing_recordings.h"
 #include "identify/model/late_inputs.h"
 #include "identify/model/own_parameters.h"
+#include "identify/model/recording_nodes.h"
 #include "identify/model/starting_state.h"
 #include "lib/base/constants.h"
 #include "lib/nonlinear/integration_steps.h"
@@ -20,9 +21,26 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kFollowed = 1e-9;    // tolerance of controlled steps
-constexpr double kCheckedBy = 1e-10;  // of those that the log-likelihood is checked by
-constexpr int kManySteps = 64;        // between two samples: beyond, implicit steps cost less
+// Of what is tolerated of the log-likelihood: what steps are chosen by, controlled ones, and those
+// that the log-likelihood is checked by.
+constexpr double kChosen = 1e-2, kFollowed = 1e-3, kCheckedBy = 1e-4;
+constexpr double kFinestControl = 1e-13;
+constexpr int kManySteps = 64;  // between two samples: beyond, implicit steps cost less
+
+double followed(const FormulaModel& model) {
+  return std::max(kFinestControl, kFollowed * model.integration_tolerance);
+}
+double checked_by(const FormulaModel& model) {
+  return std::max(kFinestControl, kCheckedBy * model.integration_tolerance);
+}
+
+// @param without_noise  where more steps are made by themselves
+StepTolerance step_tolerance(const FormulaModel& model, bool without_noise) {
+  StepTolerance out;
+  out.relative = std::max(1e-12, kChosen * model.integration_tolerance);
+  if (without_noise) out.most = kManySteps;
+  return out;
+}
 
 FilterNoise noise_of(const StateSpace& written) {
   return {written.G * written.Q * written.G.transpose(), written.R, written.x0, written.P0};
@@ -126,19 +144,15 @@ std::optional<IntegrationSteps> steps_of_file(const Model& model, const Dataset&
 }
 
 InputNodes nodes_in(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
-                    const std::vector<int>& steps) {
-  return input_nodes(recording.time, inputs_at(model, at, recording), model.inputs, steps);
-}
-
-InputNodes controlled_nodes_in(const FormulaModel& model, const ParameterSet& at,
-                               const Dataset& recording, double tolerance = kFollowed) {
-  return controlled_nodes(recording.time, inputs_at(model, at, recording), model.inputs, tolerance);
-}
-
-InputNodes nodes_in(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
                     const Integration& integration) {
-  return integration.controlled ? controlled_nodes_in(model, at, recording)
-                                : nodes_in(model, at, recording, integration.steps.steps);
+  return integration.controlled ? controlled_recording_nodes(model, at, recording, followed(model))
+                                : recording_nodes(model, at, recording, integration.steps.steps);
+}
+
+// Twice as many steps, as far as there may be more.
+std::vector<int> halved(std::vector<int> steps) {
+  for (int& each : steps) each = std::min(2 * each, kMostSteps);
+  return steps;
 }
 
 // Do these steps follow the motion from x at all? Without noise.
@@ -146,7 +160,7 @@ bool follow(const FormulaModel& model, const ParameterSet& at, const Dataset& re
             const std::vector<int>& steps, VectorXd x) {
   ModelMemory memory = make_memory(model.equations);
   set_parameters(model.equations, memory, formula_parameters(model, at));
-  const InputNodes nodes = nodes_in(model, at, recording, steps);
+  const InputNodes nodes = recording_nodes(model, at, recording, steps);
   for (Index k = 0; k + 1 < recording.size() && x.allFinite(); ++k) {
     step(model.equations, memory, nodes, k, x);
   }
@@ -160,8 +174,7 @@ Integration motion_integration(const Model& model, const ParameterSet& at, const
   if (auto given = steps_of_file(model, recording)) {
     return {*given, without_noise && !follow(formulas, at, recording, given->steps, x)};
   }
-  StepTolerance tolerance;
-  if (without_noise) tolerance.most = kManySteps;
+  const StepTolerance tolerance = step_tolerance(formulas, without_noise);
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at), x,
                                     recording.time, inputs_at(formulas, at, recording),
                                     formulas.inputs, tolerance)};
@@ -196,8 +209,7 @@ Integration integration_from(const Model& model, const ParameterSet& at, const D
   if (auto given = steps_of_file(model, recording)) {
     return {*given, without_noise && !follow(formulas, at, recording, given->steps, noise.x0)};
   }
-  StepTolerance tolerance;
-  if (without_noise) tolerance.most = kManySteps;
+  const StepTolerance tolerance = step_tolerance(formulas, without_noise);
   Integration out{integration_steps(formulas.equations, formula_parameters(formulas, at), noise,
                                     recording.time, inputs_at(formulas, at, recording),
                                     formulas.inputs, recording.y,
@@ -273,27 +285,43 @@ void NonlinearRecordings::take_delays(const ParameterSet& at) {
   if (model.late.empty()) return;
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     const double tolerance = inputs_[i].tolerance;
-    inputs_[i] = tolerance > 0.0 ? controlled_nodes_in(model, at, recordings_[i], tolerance)
-                                 : nodes_in(model, at, recordings_[i], steps_[i]);
+    inputs_[i] = tolerance > 0.0 ? controlled_recording_nodes(model, at, recordings_[i], tolerance)
+                                 : recording_nodes(model, at, recordings_[i], steps_[i]);
   }
 }
 
 double NonlinearRecordings::controlled_change(const ParameterSet& at, std::size_t i) {
   take_delays(at);
   const StateSpace written = written_matrices(noise_[i], at);
-  const InputNodes controlled =
-      controlled_nodes_in(as_formulas(model_), at, recordings_[i], kCheckedBy);
+  const InputNodes controlled = controlled_recording_nodes(as_formulas(model_), at, recordings_[i],
+                                                           checked_by(as_formulas(model_)));
   const Likelihood exact = evaluate_one(at, i, controlled, written, {}, nullptr);
   const Likelihood taken = evaluate_one(at, i, inputs_[i], written, {}, nullptr);
   if (exact.status != FilterStatus::ok) return 0.0;
   return taken.status == FilterStatus::ok ? exact.value - taken.value : kInfinity;
 }
 
+// Where noise moves the state there are no controlled steps: halved ones, of order 4.
+double NonlinearRecordings::halved_change(const ParameterSet& at, std::size_t i) {
+  constexpr double kOfTheRest = 16.0 / 15.0;
+  take_delays(at);
+  const StateSpace written = written_matrices(noise_[i], at);
+  const InputNodes finer =
+      recording_nodes(as_formulas(model_), at, recordings_[i], halved(steps_[i]));
+  const Likelihood exact = evaluate_one(at, i, finer, written, {}, nullptr);
+  const Likelihood taken = evaluate_one(at, i, inputs_[i], written, {}, nullptr);
+  const bool both = exact.status == FilterStatus::ok && taken.status == FilterStatus::ok;
+  return both ? kOfTheRest * (exact.value - taken.value) : 0.0;
+}
+
+double NonlinearRecordings::integration_change(const ParameterSet& at, std::size_t i) {
+  return without_noise_ ? controlled_change(at, i) : halved_change(at, i);
+}
+
 double NonlinearRecordings::integration_error(const ParameterSet& at) {
   double out = 0.0;
-  for (std::size_t i = 0; without_noise_ && i < recordings_.size(); ++i) {
-    out += controlled_change(at, i);
-  }
+  if (!as_formulas(model_).equations.continuous) return out;
+  for (std::size_t i = 0; i < recordings_.size(); ++i) out += integration_change(at, i);
   return out;
 }
 
@@ -306,24 +334,31 @@ bool NonlinearRecordings::refine(const ParameterSet& at) {
         integration_from(model_, at, recordings_[i], written_matrices(noise_[i], at));
     bool here = needed.controlled;
     if (here) {
-      inputs_[i] = controlled_nodes_in(as_formulas(model_), at, recordings_[i]);
+      inputs_[i] = controlled_recording_nodes(as_formulas(model_), at, recordings_[i],
+                                              followed(as_formulas(model_)));
     } else {
       const std::vector<int>& steps = needed.steps.steps;
       for (std::size_t k = 0; k < steps.size(); ++k) {
         here = here || steps[k] > steps_[i][k];
         steps_[i][k] = std::max(steps_[i][k], steps[k]);
       }
-      if (here) inputs_[i] = nodes_in(as_formulas(model_), at, recordings_[i], steps_[i]);
+      if (here) inputs_[i] = recording_nodes(as_formulas(model_), at, recordings_[i], steps_[i]);
     }
     changed = changed || here;
   }
-  const bool chosen = !(as_formulas(model_).longest_step > 0.0);
-  if (!without_noise_ || !chosen || changed) return changed;
+  const FormulaModel& model = as_formulas(model_);
+  const bool chosen = !(model.longest_step > 0.0);
+  if (!model.equations.continuous || !chosen || changed) return changed;
   const double size = std::max(1.0, std::abs(evaluate(at, false).value));
   for (std::size_t i = 0; i < recordings_.size(); ++i) {
     if (inputs_[i].tolerance > 0.0) continue;
-    if (!(std::abs(controlled_change(at, i)) > kIntegrationTolerance * size)) continue;
-    inputs_[i] = controlled_nodes_in(as_formulas(model_), at, recordings_[i]);
+    if (!(std::abs(integration_change(at, i)) > model.integration_tolerance * size)) continue;
+    if (without_noise_) {
+      inputs_[i] = controlled_recording_nodes(model, at, recordings_[i], followed(model));
+    } else {
+      steps_[i] = halved(steps_[i]);
+      inputs_[i] = recording_nodes(model, at, recordings_[i], steps_[i]);
+    }
     changed = true;
   }
   return changed;
@@ -345,7 +380,7 @@ Likelihood NonlinearRecordings::evaluate_one(const ParameterSet& at, std::size_t
   if (out.status != FilterStatus::not_finite || !without_noise_ || inputs.tolerance > 0.0) {
     return out;
   }
-  return through(controlled_nodes_in(model, at, recordings_[recording]));
+  return through(controlled_recording_nodes(model, at, recordings_[recording], followed(model)));
 }
 
 const Likelihood& NonlinearRecordings::evaluate(const ParameterSet& at, bool with_derivatives,

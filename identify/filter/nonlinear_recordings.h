@@ -15,24 +15,21 @@
 
 namespace identikal {
 
-/// Error of a log-likelihood by its integration, relative: what is above it is refined or reported.
-inline constexpr double kIntegrationTolerance = 1e-6;
-
 /// How the equations are integrated from sample to sample.
 struct Integration {
   IntegrationSteps steps;
   bool controlled = false;  ///< they are chosen during the integration, see controlled_nodes()
 };
 
-/// In as many steps as the filter with these values needs (lib/nonlinear/integration_steps.h), or as
-/// the file says; controlled where no noise moves the state and there would be more than 64 between
-/// two samples, as for stiff equations, or those of the file do not follow; none where it moves
-/// linearly.
+/// In as many steps as the filter with these values needs (lib/nonlinear/integration_steps.h), or
+/// as the file says; controlled where no noise moves the state and there would be more than 64
+/// between two samples, as for stiff equations, or those of the file do not follow; none where it
+/// moves linearly.
 /// @throws InputError when the file says too many
 Integration integration_of(const Model& model, const ParameterSet& at, const Dataset& recording);
 
-/// The recording's inputs with the integration that the filter with these values needs. The model is
-/// of formulas that are not linear.
+/// The recording's inputs with the integration that the filter with these values needs. The model
+/// is of formulas that are not linear.
 InputNodes filter_nodes(const Model& model, const ParameterSet& at, const Dataset& recording);
 
 /// A nonlinear model file with recordings prepared for many evaluations. Keeps references to both;
@@ -59,12 +56,14 @@ class NonlinearRecordings {
 
   /// Halves the steps wherever the filter with these values needs it; those of the model's own are
   /// taken to begin with. Where that is not enough for the log-likelihood, as far as
-  /// integration_error() can tell, steps are controlled from here on.
+  /// integration_error() can tell, steps are controlled from here on, or where noise moves the
+  /// state, halved once more.
   /// @return has anything changed? Then the likelihood is a slightly different function.
   bool refine(const ParameterSet& at);
 
   /// By how much controlled steps, ten times as exact as where they are taken, change the
-  /// log-likelihood. Zero where noise moves the state: nothing tells.
+  /// log-likelihood; where noise moves the state, by how much exact ones would, as far as steps of
+  /// half the length tell.
   double integration_error(const ParameterSet& at);
 
  private:
@@ -72,6 +71,8 @@ class NonlinearRecordings {
                           const StateSpace& written, const std::vector<FilterDirection>& by,
                           Eigen::MatrixXd* score_products);
   double controlled_change(const ParameterSet& at, std::size_t recording);
+  double halved_change(const ParameterSet& at, std::size_t recording);
+  double integration_change(const ParameterSet& at, std::size_t recording);
   // Inputs as they are with these delays, where a model has any.
   void take_delays(const ParameterSet& at);
 
@@ -128,8 +129,8 @@ Eigen::MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at,
                                    const Dataset& recording,
                                    const Eigen::Ref<const Eigen::VectorXd>& x);
 
-/// What becomes of a small error of the state at the first sample until the last: the product of the
-/// transitions linearised at these states.
+/// What becomes of a small error of the state at the first sample until the last: the product of
+/// the transitions linearised at these states.
 /// @param states  nx x N
 /// @return nx x nx; not finite where it overflows
 Eigen::MatrixXd transition_along(const Model& model, const ParameterSet& at,

@@ -84,6 +84,7 @@ RecordingsLikelihood::RecordingsLikelihood(const Model& model,
   }
   part_recordings();
   if (!parts_.empty()) return;
+  for (const Dataset& data : recordings) log_jacobian_ += log_jacobian(data).sum();
   if (changes(model)) {
     changing_.emplace(model, recordings);
     return;
@@ -331,9 +332,18 @@ double RecordingsLikelihood::log_density_beside_data(const ParameterSet& at) con
   return out + rows.constant - 0.5 * rows.r.squaredNorm();
 }
 
-const Likelihood* RecordingsLikelihood::complete(const Likelihood& of_data, const ParameterSet& at,
-                                                 bool with_gradient) {
-  if (of_data.status != FilterStatus::ok) return nullptr;
+// The density of what was recorded, not of its logarithms.
+const Likelihood& RecordingsLikelihood::as_recorded(const Likelihood& of_values) {
+  if (log_jacobian_ == 0.0) return of_values;
+  recorded_ = of_values;
+  recorded_.value += log_jacobian_;
+  return recorded_;
+}
+
+const Likelihood* RecordingsLikelihood::complete(const Likelihood& of_values,
+                                                 const ParameterSet& at, bool with_gradient) {
+  if (of_values.status != FilterStatus::ok) return nullptr;
+  const Likelihood& of_data = as_recorded(of_values);
   const Likelihood& weighed = prior_box_ ? with_priors(of_data, at, with_gradient) : of_data;
   if (weighed.status != FilterStatus::ok) return nullptr;
   const Likelihood& smoothed =
@@ -456,6 +466,12 @@ bool RecordingsLikelihood::refine(const ParameterSet& at) {
     finer = finer || here;
   }
   return finer;
+}
+
+double RecordingsLikelihood::integration_error(const ParameterSet& at) {
+  double out = nonlinear_ ? nonlinear_->integration_error(at) : 0.0;
+  for (const auto& part : parts_) out += part->likelihood.integration_error(part->values(at));
+  return out;
 }
 
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {

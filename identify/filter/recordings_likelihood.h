@@ -102,6 +102,10 @@ class RecordingsLikelihood {
   /// @return is it finer than before? Then the likelihood is a slightly different function.
   bool refine(const ParameterSet& at);
 
+  /// How far the log-likelihood of a nonlinear model with these values is from the exact one, as
+  /// far as a finer integration tells.
+  double integration_error(const ParameterSet& at);
+
   const Model& model() const { return model_; }
   const std::vector<Dataset>& recordings() const { return recordings_; }  ///< of digests: none
   double samples() const;                                                 ///< values measured
@@ -133,6 +137,7 @@ class RecordingsLikelihood {
   bool is_stationary() const { return !nonlinear_ && !changing_; }
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);
+  const Likelihood& as_recorded(const Likelihood& of_values);
   const Likelihood& behind_beginning(const Likelihood& all, bool with_gradient);
   const Likelihood& with_priors(const Likelihood& of_data, const ParameterSet& at,
                                 bool with_gradient);
@@ -159,7 +164,8 @@ class RecordingsLikelihood {
   LikelihoodEngine beginning_;
   Likelihood conditional_;
   std::optional<Box> prior_box_;  // where priors count
-  Likelihood posterior_, constrained_, smoothed_;
+  Likelihood posterior_, constrained_, smoothed_, recorded_;
+  double log_jacobian_ = 0.0;  // of the outputs' transforms; of parts: each its own
   Multipliers multipliers_;
   Eigen::VectorXd roughness_weights_;         // empty: it does not count
   std::vector<std::unique_ptr<Part>> parts_;  // empty: all recordings go through one model

@@ -13,6 +13,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/filter/recordings_check.h"
+#include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/reference_errors.h"
 #include "identify/filter/simulated_fit.h"
 #include "identify/model/matrix_reader.h"
@@ -279,6 +280,12 @@ Failure first_failure(const Model& model, const std::vector<Dataset>& recordings
   return {recordings[0].name, kNone, 0};
 }
 
+// What an error of the log-likelihood at the model's values is compared with.
+double size_of(RecordingsLikelihood& likelihood) {
+  const Likelihood* there = likelihood.evaluate(likelihood.model().parameters, false);
+  return there == nullptr ? 1.0 : std::max(1.0, std::abs(there->value));
+}
+
 // A step of the file's that changes what is estimated.
 // @param controlled  it does not follow the motion, and others were taken
 Findings check_own_step(const Model& given, const ParameterSet& parameters,
@@ -294,10 +301,9 @@ Findings check_own_step(const Model& given, const ParameterSet& parameters,
                          as_formulas(model).longest_step),
              "leave out integration_step"}};
   }
-  NonlinearRecordings integrated(model, recordings);
-  const double error = integrated.integration_error(parameters);
-  const double size = std::max(1.0, std::abs(integrated.evaluate(parameters, false).value));
-  if (!(std::abs(error) > kIntegrationTolerance * size)) return {};
+  RecordingsLikelihood integrated(model, recordings);
+  const double error = integrated.integration_error(parameters), size = size_of(integrated);
+  if (!(std::abs(error) > as_formulas(model).integration_tolerance * size)) return {};
   return {{FindingCode::integration,
            Severity::serious,
            {"integration_step"},
@@ -306,6 +312,26 @@ Findings check_own_step(const Model& given, const ParameterSet& parameters,
                        as_formulas(model).longest_step, std::abs(error),
                        error > 0.0 ? "higher" : "lower"),
            "leave out integration_step, or shorten it"}};
+}
+
+// Steps that were chosen, and halved until that changes nothing, as far as may be.
+Findings check_chosen_steps(Model model, const ParameterSet& parameters,
+                            const std::vector<Dataset>& recordings) {
+  constexpr int kRefinements = 4;
+  if (as_formulas(model).linear) return {};
+  model.parameters = parameters;
+  RecordingsLikelihood integrated(model, recordings);
+  for (int i = 0; i < kRefinements && integrated.refine(parameters); ++i) {
+  }
+  const double error = std::abs(integrated.integration_error(parameters));
+  const double size = size_of(integrated);
+  if (!(error > as_formulas(model).integration_tolerance * size)) return {};
+  return {{FindingCode::integration,
+           Severity::serious,
+           {},
+           fmt::format("the log-likelihood is known to {:.2g} only: a finer integration changes it",
+                       error),
+           "smooth formulas, as tanh(v/0.01) for sign(v); time: {integration_step: ...}"}};
 }
 
 // [s]; kNone in discrete time.
@@ -341,7 +367,8 @@ Findings check_integration(const Model& model, const ParameterSet& parameters,
   }
   if (where.empty()) {
     const bool own = as_formulas(model).longest_step > 0.0;
-    return own ? check_own_step(model, parameters, recordings, controlled) : Findings{};
+    return own ? check_own_step(model, parameters, recordings, controlled)
+               : check_chosen_steps(model, parameters, recordings);
   }
   constexpr double kSmall = 1e-3;
   return {{FindingCode::integration,

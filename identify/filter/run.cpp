@@ -49,7 +49,7 @@ void add_rows(const Model& model, const Dataset& data, const FilterResult& innov
   const FilterResult all =
       complete ? innovations : run_filter(model, model.parameters, data, Keep::everything);
   estimate.log_likelihood_by_row.push_back(model.student ? VectorXd::Constant(data.size(), kNone)
-                                                         : log_likelihood_by_row(all));
+                                                         : log_likelihood_by_row(all, data));
   estimate.predictions.push_back(predicted_outputs(model, model.parameters, data, all));
 }
 

@@ -48,7 +48,8 @@ struct RowCondition {
 };
 
 /// The built-in single-track vehicle. Its parameters are the model's; inputs[0] is the steering
-/// angle, inputs[1] is vx, inputs[2] may be roll; further ones are for `use_when`. Outputs are any of r, vy, ay, beta.
+/// angle, inputs[1] is vx, inputs[2] may be roll; further ones are for `use_when`. Outputs are any
+/// of r, vy, ay, beta.
 struct VehicleModel {
   /// The input is the road-wheel angle, and steering_ratio is not used.
   bool steering_at_road_wheel = false;
@@ -84,7 +85,10 @@ struct FormulaModel {
   InputPath inputs = InputPath::constant;
   bool irregular = false;     ///< time stamps are taken as they are
   double longest_step = 0.0;  ///< of the integration [s]; 0: as accuracy needs
-  std::vector<bool> wraps;    ///< per output: an angle that is measured up to whole turns
+  /// Error of a log-likelihood by its integration, relative: what is above it is refined, or
+  /// reported.
+  double integration_tolerance = 1e-6;
+  std::vector<bool> wraps;  ///< per output: an angle that is measured up to whole turns
   /// Inputs that are late by a parameter (identify/model/late_inputs.h). Equations have a further
   /// input for each, behind the model's.
   std::vector<ModelFormulas::LateInput> late;
@@ -92,7 +96,8 @@ struct FormulaModel {
   /// parameters and time (lib/nonlinear/filter.h). None: 1.
   std::optional<NonlinearModel> noise_scales;
   NonlinearMethod filter = NonlinearMethod::extended;
-  /// Per recording: the state at its first sample, in place of noise.x0. Empty: that for all of them.
+  /// Per recording: the state at its first sample, in place of noise.x0. Empty: that for all of
+  /// them.
   std::vector<ParametrisedMatrix> starts;
   /// The state at the first sample is where the motion from that start rests while inputs stay at
   /// these numbers, SI; an input without one at its first sample. Empty: the start itself.
@@ -132,8 +137,8 @@ struct StudentNoise {
   int parameter = -1;  ///< that the degrees of freedom are, where they have a name
 };
 
-/// What a model file says of recordings one by one: which parameters have values of their own there,
-/// and which of these are known (own_parameters.h).
+/// What a model file says of recordings one by one: which parameters have values of their own
+/// there, and which of these are known (own_parameters.h).
 struct RecordingTable {
   struct Own {
     int parameter = 0;

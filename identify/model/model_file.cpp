@@ -44,7 +44,9 @@ TimeSource read_time(const YamlNode& root, const Model& model, bool formulas) {
       required(root, "time", "the model file", "time: {column: t, unit: s} or time: {step: 0.1 s}");
   std::vector<std::string> keys = {"kind", "step", "column", "unit", "runs"};
   if (is_linear(model)) keys.insert(keys.end(), {"inputs", "sampling"});
-  if (formulas) keys.emplace_back("integration_step");
+  if (formulas) {
+    keys.insert(keys.end(), {"integration_step", "integration_tolerance", "infinity"});
+  }
   check_keys(node, "time", keys);
   if (const YamlNode* kind = find(node, "kind")) {
     const bool continuous = word_of(*kind, "kind", {"discrete", "continuous"}) == "continuous";
@@ -78,6 +80,7 @@ TimeSource read_time(const YamlNode& root, const Model& model, bool formulas) {
     }
     out.restarts = true;
   }
+  out.infinite = find(node, "infinity") != nullptr;
   if (out.column.empty() && out.step == 0.0) {
     throw InputError(node.at, "time has neither a column nor a step",
                      "column: NAME with the time stamps, or step: 0.1 s between rows");

@@ -117,6 +117,30 @@ void check_value(const Parameter& parameter, const ParameterRule* rule, const Lo
   }
 }
 
+namespace {
+
+// By what a search moves the parameter.
+void read_scale(const YamlNode& node, const YamlNode& value, Parameter& out) {
+  const bool log = word_of(node, "scale", {"linear", "log"}) == "log";
+  out.scale = log ? SearchScale::logarithm : SearchScale::linear;
+  if (!log) return;
+  if (std::isinf(out.min)) out.min = 0.0;
+  if (out.min < 0.0) {
+    throw InputError(node.at,
+                     fmt::format("scale log of {}, whose min is {}", in_quotes(out.name),
+                                 in_unit_of(out, out.min)),
+                     "min of 0 or above");
+  }
+  if (!(out.scalar() > 0.0)) {
+    throw InputError(value.at,
+                     fmt::format("scale log of {}, which is {}", in_quotes(out.name),
+                                 in_unit_of(out, out.scalar())),
+                     "a value above 0");
+  }
+}
+
+}  // namespace
+
 Parameter read_parameter(const std::string& name, const YamlNode& node, const ParameterRule* rule) {
   const std::string what = fmt::format("parameter '{}'", name);
   Parameter out;
@@ -127,7 +151,7 @@ Parameter read_parameter(const std::string& name, const YamlNode& node, const Pa
   }
   if (!out.fixed) {
     std::vector<std::string> keys = {"value", "min", "max", "fixed", "unit", "role", "prior"};
-    if (rule == nullptr) keys.emplace_back("per");
+    if (rule == nullptr) keys.insert(keys.end(), {"per", "scale"});
     check_keys(node, what, keys);
     required(node, "value", what, "value: NUMBER, the start");
     if (const YamlNode* fixed = find(node, "fixed")) {
@@ -160,6 +184,7 @@ Parameter read_parameter(const std::string& name, const YamlNode& node, const Pa
                      fmt::format("min {} of {} is not below max {}", in_unit_of(out, out.min), what,
                                  in_unit_of(out, out.max)));
   }
+  if (const YamlNode* scale = find(node, "scale")) read_scale(*scale, value, out);
   check_value(out, rule, value.at);
   if (const YamlNode* prior = find(node, "prior")) out.prior = read_prior(*prior, out.unit, what);
   // The equations divide by what must be positive: an optimiser has to stay clear of zero itself.

@@ -63,7 +63,10 @@ void apply_conditions(const Model& model, const Eigen::Ref<const MatrixXd>& flag
   std::vector<Index> counted(model.conditions.size(), 0);
   for (Index t = 0; t < N; ++t) {
     if (nu > 0) symbols.head(nu) = recording.u.col(t);
-    symbols.segment(nu, ny) = y.col(t);
+    for (Index i = 0; i < ny; ++i) {
+      const Transform transform = model.outputs[static_cast<std::size_t>(i)].transform;
+      symbols[nu + i] = before_transform(transform, y(i, t));
+    }
     if (asked > 0) symbols.segment(nu + ny, asked) = known.col(t);
     symbols[symbols.size() - 1] = recording.time[t];
     for (std::size_t i = 0; i < model.conditions.size(); ++i) {

@@ -9,6 +9,7 @@
 #include "identify/model/check.h"
 #include "identify/model/late_inputs.h"
 #include "identify/model/output_conditions.h"
+#include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/base/median.h"
 
@@ -27,7 +28,7 @@ std::vector<Channel> channels_of(const std::vector<ChannelSource>& sources, Inde
   }
   std::vector<Channel> out;
   for (const ChannelSource& source : sources) {
-    out.push_back({source.name, source.si_unit, source.value.has_value()});
+    out.push_back({source.name, source.si_unit, source.value.has_value(), source.transform});
   }
   return out;
 }
@@ -62,8 +63,38 @@ Eigen::MatrixXd rows_named(const std::vector<ChannelSource>& sources,
   return out;
 }
 
-// Pseudo-measurements have their numbers, doses are zero where none is said, and outputs count where their conditions hold.
+// As the model compares them.
+void transform_outputs(Dataset& data) {
+  for (std::size_t i = 0; i < data.outputs.size(); ++i) {
+    const Transform transform = data.outputs[i].transform;
+    if (transform == Transform::none) continue;
+    auto row = data.y.row(static_cast<Index>(i));
+    if ((row.array() <= 0.0).any()) {
+      throw std::invalid_argument(
+          fmt::format("output '{}' is not above 0 throughout, and its logarithm is to be taken",
+                      data.outputs[i].name));
+    }
+    for (double& y : row) y = transformed(transform, y);
+  }
+}
+
+// Times of the last rows that are infinite: a usual step each behind the others, which stamps do
+// not say.
+void take_rest(const Model& model, Dataset& data) {
+  Index finite = data.time.size();
+  while (finite > 0 && data.time[finite - 1] == kInfinity) --finite;
+  if (!model.time.infinite || finite == data.time.size() || finite < 2) return;
+  data.stamps = data.time;
+  const Index steps = finite - 1;
+  const Eigen::VectorXd step = data.time.segment(1, steps) - data.time.head(steps);
+  const double usual = median({step.begin(), step.end()});
+  for (Index k = finite; k < data.time.size(); ++k) data.time[k] = data.time[k - 1] + usual;
+}
+
+// Pseudo-measurements have their numbers, doses are zero where none is said, and outputs count where
+// their conditions hold.
 void as_model_file_says(const Model& model, const MatrixXd& flags, Dataset& data) {
+  transform_outputs(data);
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
     const std::optional<double>& value = model.outputs[i].value;
     if (value) data.y.row(static_cast<Index>(i)).setConstant(*value);
@@ -128,6 +159,7 @@ Dataset recording_with_flags(const Model& model, const Samples& y, const SampleT
   out.inputs = channels_of(model.inputs, out.u.rows(), "inputs");
   out.dt = time.step;
   out.time = time.times;
+  take_rest(model, out);
   if (out.time.size() == 0 && out.dt == 0.0) {
     throw std::invalid_argument(
         fmt::format("the sampling period is 0 s, and there are 0 times for {} samples", size));

@@ -195,6 +195,10 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const double beside_start = likelihood.log_density_beside_data(parameters);
   const auto search = [&] { return search_from_starts(likelihood, parameters, factors, options); };
   SeveralStarts found = search();
+  if (std::isnan(found.best.summary.objective)) {
+    const FilterStatus start = likelihood.status_at_start();
+    if (start != FilterStatus::ok) refuse_filter(model, likelihood.recordings(), start);
+  }
   // The integration was as fine as the start needs it; all starts are compared on the same.
   for (int i = 0; i < kRefinements && found.best.summary.usable() &&
                   likelihood.refine(with_coordinates(parameters, factors.to(found.best.x)));
@@ -308,9 +312,10 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   estimate.objective.method = simulation ? kSimulationMethod : "ml";
   check_recordings(model, recordings);
   RecordingsLikelihood likelihood(model, recordings, options.evaluation);
-  if (const FilterStatus start = likelihood.status_at_start(); start != FilterStatus::ok) {
-    refuse_filter(model, recordings, start);
-  }
+  const FilterStatus start = likelihood.status_at_start();
+  // Other starts may lead to where equations of motion stay finite.
+  const bool may_lead_on = start == FilterStatus::not_finite && is_formula_model(model);
+  if (start != FilterStatus::ok && !may_lead_on) refuse_filter(model, recordings, start);
   likelihood.condition_on_beginning();
   likelihood.weigh_by_priors();
   const auto [end, found] = take_maximum(estimate, likelihood, options);
@@ -318,6 +323,9 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
       simulation ? with_starts(model, end, recordings) : std::vector<Dataset>();
   report_noise_estimate(estimate, model, end, simulation ? started : recordings);
   if (simulation) estimate.notes.push_back(way_to_simulation(found));
+  if (const std::string text = undefined_starts(found); !text.empty()) {
+    estimate.notes.push_back(text);
+  }
   if (found.best.summary.termination != Termination::stopped) {
     append(estimate.findings, check_starts(found));
     append(estimate.findings, check_against_references(model, end, recordings));

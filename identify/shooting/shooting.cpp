@@ -17,6 +17,7 @@ constexpr double kAgreement = 0.8;  // of the starts: as many make no other path
 constexpr double kFar = 2.0;        // errors this many times the best's are of another place
 
 using Eigen::Index;
+using Eigen::VectorXd;
 
 using Attempts = std::vector<std::unique_ptr<Attempt>>;
 
@@ -209,6 +210,20 @@ bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& re
       recordings.begin(), recordings.end(),
       [](const Dataset& data) { return data.start_mean.size() > 0 || !data.own.empty(); });
   return !own_starts && !recordings.empty() && TrajectoryProblem(model, recordings).moves_states();
+}
+
+VectorXd known_output_sd(const Model& model) {
+  if (!is_formula_model(model) || as_formulas(model).linear || as_formulas(model).noise_scales) {
+    return {};
+  }
+  const LinearModel& noise = as_formulas(model).noise;
+  const StateSpace written = written_matrices(noise, model.parameters);
+  const std::vector<StateSpace> by = model_derivatives(noise, model.parameters);
+  const bool known = std::all_of(by.begin(), by.end(), [](const StateSpace& each) {
+    return has_no_noise_but_of_outputs(each) && each.R.isZero(0.0);
+  });
+  if (!known || !has_no_noise_but_of_outputs(written)) return {};
+  return written.R.diagonal().cwiseSqrt();
 }
 
 std::vector<ShootingEnd> shoot(const Model& model, const std::vector<Dataset>& recordings,

@@ -29,8 +29,9 @@ struct ShootingStage {
 /// Where a start has led.
 struct ShootingEnd {
   ParameterSet parameters;
-  /// sum over outputs of n/2 log(mean square error) of the simulation: what the log-likelihood lacks;
-  /// infinite where there is no simulation that stays finite.
+  /// sum over outputs of n/2 log(mean square error) of the simulation, or where their noise is known half
+  /// the sum of squared errors over its variance: what the log-likelihood lacks; infinite where
+  /// there is no simulation that stays finite.
   double loss = std::numeric_limits<double>::infinity();
   bool converged = false;  ///< no step from there lowers the squares
   int same_as = 0;         ///< the first start that has led to the same place, from 0; or itself
@@ -42,6 +43,13 @@ struct ShootingEnd {
 /// May trajectories be followed? Only of formulas that no Kalman filter takes, without process
 /// noise, from a start without variance, and where a free parameter moves a state.
 bool allows_multiple_shooting(const Model& model, const std::vector<Dataset>& recordings);
+
+/// Standard deviations of the outputs of such a model, SI, where none of them is unknown; else empty.
+///
+/// Example:
+///
+///     if (known_output_sd(model).size() > 0) std::puts("the noise is known");
+Eigen::VectorXd known_output_sd(const Model& model);
 
 /// Looks for the least squares of a simulation, from several starts, on steps of integration that
 /// are as fine as a search needs (1e-4 of a state's range), by Levenberg-Marquardt: a few steps

@@ -127,6 +127,7 @@ std::string csv_of(const Model& model, std::uint64_t seed, const MatrixXd& y, co
     const ChannelSource& source = model.outputs[i];
     if (source.value) continue;
     columns.push_back({column_name(source), source.unit, y.row(i).transpose()});
+    for (double& value : columns.back().values) value = before_transform(source.transform, value);
   }
   for (std::size_t i = 0; i < model.inputs.size(); ++i) {
     const ChannelSource& source = model.inputs[i];

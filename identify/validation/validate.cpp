@@ -190,7 +190,9 @@ void test_unseen(const Estimate& result, const Model& model, const std::vector<D
   const int lags = default_lags(shortest);
   const Eigen::MatrixXd all = side_by_side(filters, rows_apart(filters, lags));
   estimate.tests.clear();
-  if (!model.student) {
+  const bool own_values = std::any_of(recordings.begin(), recordings.end(),
+                                      [](const Dataset& data) { return !data.own.empty(); });
+  if (!model.student && !own_values) {
     if (auto score = unseen.score(model, recordings)) estimate.tests.push_back(std::move(*score));
   }
   if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {

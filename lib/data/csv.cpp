@@ -409,8 +409,6 @@ std::vector<Column> read_header(const Layout& layout, const Shape& shape, const 
   return columns;
 }
 
-// --- Rows ---
-
 [[noreturn]] void throw_ragged(const Table& table, const Line& line, bool last) {
   const std::vector<Cell> cells = split(line.text, table.separator);
   const std::size_t columns = table.columns.size();
@@ -450,6 +448,7 @@ double read_cell(const Line& line, std::size_t& pos, DecimalMark& mark, const Ta
     return *value;
   }
   ++column.missing;
+  column.infinite += same_ignoring_case(cell.text, "inf");
   if (!is_missing(cell.text) && column.text_cells++ == 0) {
     column.first_text = {line.number, at(), excerpt(cell.text)};
   }
@@ -594,6 +593,7 @@ Table rows_at(const Table& table, const std::vector<std::size_t>& rows) {
     part.missing = static_cast<std::size_t>(std::count_if(part.values.begin(), part.values.end(),
                                                           [](double x) { return std::isnan(x); }));
     part.text_cells = column.text_cells;
+    part.infinite = column.infinite;
     part.first_text = column.first_text;
   }
   int next = 0;

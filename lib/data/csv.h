@@ -23,11 +23,12 @@ struct Column {
   std::string header;  ///< the header cell as written; empty when there is none
   std::string unit;    ///< as written in the header or the unit row; empty when none is given
   std::vector<double> values;  ///< as in the file; NaN for an empty cell, nan, NA, null or text
-  /// Of a column with whole numbers beyond 2^53, as nanoseconds since 1970 are: what each value lacks
-  /// of the number as written. Empty for others.
+  /// Of a column with whole numbers beyond 2^53, as nanoseconds since 1970 are: what each value
+  /// lacks of the number as written. Empty for others.
   std::vector<double> remainder;
   std::size_t missing = 0;     ///< how many values are NaN
   std::size_t text_cells = 0;  ///< how many cells are neither a number nor missing
+  std::size_t infinite = 0;    ///< how many of them are "inf", which a time may be
   TextCell first_text;         ///< the first of them
 };
 
@@ -72,7 +73,8 @@ std::string quoted_excerpt(std::string_view text);
 ///   nearest above the first row is the header (`name`, `name [unit]`, `name (unit)` or
 ///   `"NAME, unit"`), or the unit row below it; what stands before is metadata. Without one, a '#'
 ///   line directly above the first row with as many fields is the header.
-/// - lines that start with '#' are skipped anywhere, and so are blank lines, except below the header
+/// - lines that start with '#' are skipped anywhere, and so are blank lines, except below the
+/// header
 ///   of a single column, or its first row: there a blank line is an empty cell.
 /// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text.
 /// - a decimal comma is possible where the separator is not the comma; the first fraction decides.

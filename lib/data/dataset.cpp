@@ -15,6 +15,7 @@
 #include "lib/base/constants.h"
 #include "lib/base/interpolation.h"
 #include "lib/base/nearest_name.h"
+#include "lib/data/internal/sampling_grid.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -46,7 +47,7 @@ Location place(const Location& at, const Table& table) {
   return at.path.empty() ? Location{table.path} : at;
 }
 
-const Column& find_column(const Table& table, const std::string& name, const Location& at) {
+const Column& find_any_column(const Table& table, const std::string& name, const Location& at) {
   const Column* column = table.find(name);
   if (column == nullptr) {
     const std::vector<std::string> names = table.column_names();
@@ -76,13 +77,18 @@ const Column& find_column(const Table& table, const std::string& name, const Loc
                      "no column " + quoted_excerpt(name) + " in " + file_name(table),
                      "one of " + list, did_you_mean(name, names));
   }
-  if (column->text_cells > 0) {
-    const TextCell& text = column->first_text;
+  return *column;
+}
+
+const Column& find_column(const Table& table, const std::string& name, const Location& at) {
+  const Column& column = find_any_column(table, name, at);
+  if (column.text_cells > 0) {
+    const TextCell& text = column.first_text;
     throw InputError({table.path, text.line, text.column},
-                     quoted_excerpt(text.text) + " in column " + quoted_excerpt(column->name),
+                     quoted_excerpt(text.text) + " in column " + quoted_excerpt(column.name),
                      "a number");
   }
-  return *column;
+  return column;
 }
 
 Unit known_unit(const std::string& text, const Location& at, const std::string& context,
@@ -145,6 +151,7 @@ ResolvedUnit resolve_unit(const Table& table, const Column& column, const std::s
 
 // Time stamps in the unit of the column: converting first would cost digits of an epoch time.
 struct Stamps {
+  std::size_t at_rest = 0;  // the last so many were infinite: a step each behind the others
   std::vector<double> values;
   double to_seconds = 1.0;
   bool from_first = false;  // the values count from the first stamp
@@ -160,11 +167,52 @@ void refuse_missing_unit(const Table& table, const Column& column, const Locatio
                    "'unit: " + unit + "' beside the column, or 'unit: s'");
 }
 
+// Its text, if any, may be times that are infinite.
+const Column& find_stamps(const Table& table, const TimeSource& source) {
+  const Column& column = find_any_column(table, source.column, source.at);
+  const TextCell& text = column.first_text;
+  if (column.text_cells != column.infinite) return find_column(table, source.column, source.at);
+  if (column.infinite > 0 && !source.infinite) {
+    throw InputError({table.path, text.line, text.column},
+                     quoted_excerpt(text.text) + " in column " + quoted_excerpt(column.name),
+                     "a number",
+                     "'infinity: steady-state' under 'time' in a model of formulas makes it the "
+                     "time at which the motion has come to rest");
+  }
+  if (column.infinite > 0 && column.infinite != column.missing) {
+    throw InputError({table.path, text.line, text.column},
+                     quoted_excerpt(text.text) + " in column " + quoted_excerpt(column.name) +
+                         ", where other rows have no time",
+                     "a time for every row");
+  }
+  return column;
+}
+
+// What comes last at infinity, a usual step each behind the rows before. @return how many rows
+std::size_t take_rest(const Table& table, const Column& column, std::vector<double>& t) {
+  const std::size_t finite = t.size() - column.infinite;
+  if (column.infinite == 0) return 0;
+  const Location at{table.path, table.line_of_row(finite)};
+  if (std::any_of(t.begin(), t.begin() + static_cast<std::ptrdiff_t>(finite),
+                  [](double stamp) { return std::isnan(stamp); })) {
+    throw InputError({table.path, column.first_text.line, column.first_text.column},
+                     "time inf before other times", "increasing time stamps");
+  }
+  const double step = finite < 2 ? 0.0 : median_step(t.data(), t.data() + finite);
+  if (!(step > 0.0)) {
+    throw InputError(at, "time inf behind fewer than two other times",
+                     "at least two to begin with");
+  }
+  for (std::size_t row = finite; row < t.size(); ++row) t[row] = t[row - 1] + step;
+  return t.size() - finite;
+}
+
 Stamps read_stamps(const Table& table, const TimeSource& source) {
-  const Column& column = find_column(table, source.column, source.at);
+  const Column& column = find_stamps(table, source);
   if (source.unit.empty()) refuse_missing_unit(table, column, source.at);
   const ResolvedUnit unit = resolve_unit(table, column, source.unit, "s", source.at);
-  const std::vector<double> t = exact_stamps(column);
+  std::vector<double> t = exact_stamps(column);
+  const std::size_t at_rest = take_rest(table, column, t);
   for (std::size_t row = 0; row < t.size(); ++row) {
     const Location at{table.path, table.line_of_row(row)};
     const auto stamp = [&](double value) { return number(value) + " " + unit.text; };
@@ -182,45 +230,7 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
                      "recordings joined end to end: 'runs: restart' under 'time' in the model file "
                      "makes each a separate run");
   }
-  return {t, unit.unit.scale, !column.remainder.empty()};
-}
-
-// Of rows with different times; 0: there are none.
-double median_step(const double* first, const double* last) {
-  std::vector<double> steps;
-  for (const double* t = first; t + 1 < last; ++t) {
-    if (t[1] > t[0]) steps.push_back(t[1] - t[0]);
-  }
-  if (steps.empty()) return 0.0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  if (steps.size() % 2 == 1) return *middle;
-  return 0.5 * (*middle + *std::max_element(steps.begin(), middle));
-}
-
-// Are the stamps whole numbers of steps apart, and not all the same multiple of one? Then rows are
-// absent from a grid of that step; all two steps apart, they are a grid of their own.
-bool on_some_of_grid(const double* first, const double* last, double step) {
-  constexpr double kTolerance = 0.01, kMost = 1e6;
-  long common = 0;
-  for (const double* t = first; t + 1 < last; ++t) {
-    const double steps = (t[1] - t[0]) / step, whole = std::round(steps);
-    if (!(whole >= 1.0 && whole < kMost && std::abs(steps - whole) <= kTolerance)) return false;
-    common = std::gcd(common, static_cast<long>(whole));
-  }
-  return common == 1;
-}
-
-// The longest step, from the shortest distance down to a twentieth of it, of which some rows are
-// absent; 0: none.
-double grid_of(const double* first, const double* last) {
-  constexpr int kFinest = 20;
-  double shortest = kInfinity;
-  for (const double* t = first; t + 1 < last; ++t) shortest = std::min(shortest, t[1] - t[0]);
-  for (int parts = 1; parts <= kFinest; ++parts) {
-    if (on_some_of_grid(first, last, shortest / parts)) return shortest / parts;
-  }
-  return 0.0;
+  return {at_rest, t, unit.unit.scale, !column.remainder.empty()};
 }
 
 // Of rows with one time, each behind the one before by so little that nothing happens meanwhile.
@@ -266,6 +276,19 @@ std::string treatment(const ChannelSource& source, const std::string& unit) {
   return out.empty() ? "" : source.name + " is column " + quoted_excerpt(source.column) + out;
 }
 
+void take_logarithms(const Table& table, const ChannelSource& source, const Rows& rows,
+                     Eigen::VectorXd& values) {
+  const auto wrong = std::find_if(values.begin(), values.end(), [](double y) { return y <= 0.0; });
+  if (wrong != values.end()) {
+    const auto row = rows.first + static_cast<std::size_t>(wrong - values.begin());
+    throw InputError({table.path, table.line_of_row(row)},
+                     "column " + quoted_excerpt(source.column) + " is " + number(*wrong) +
+                         ", and its logarithm is to be taken",
+                     "values above 0, or an empty cell");
+  }
+  for (double& y : values) y = transformed(source.transform, y);
+}
+
 Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
                                 const Stamps& stamps, const Rows& rows, Channel& channel,
                                 Dataset& data) {
@@ -301,6 +324,11 @@ Eigen::RowVectorXd read_channel(const Table& table, const ChannelSource& source,
     values = source.scale * values.array() + source.offset;
   }
   for (double& value : values) value = unit.unit.to_si(value);
+  if (source.transform != Transform::none) {
+    channel.unit.clear();
+    channel.transform = source.transform;
+    take_logarithms(table, source, rows, values);
+  }
   return values.transpose();
 }
 
@@ -518,7 +546,32 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
   data.y = read_all(outputs, data.outputs);
   data.reference = read_references(table, references, stamps, rows, data);
   if (time.replicates) part_replicates(data);
+  const std::size_t finite = t.size() - stamps.at_rest;
+  if (rows.last > finite) {
+    if (data.stamps.size() == 0) data.stamps = data.time;
+    data.stamps.tail(static_cast<Index>(rows.last - finite)).setConstant(kInfinity);
+  }
   return data;
+}
+
+Index first_at_rest(const Dataset& data) {
+  Index out = data.size();
+  while (out > 0 && data.stamps.size() == data.size() && data.stamps[out - 1] == kInfinity) --out;
+  return out;
+}
+
+Eigen::VectorXd log_jacobian(const Dataset& data) {
+  Eigen::VectorXd out;
+  for (std::size_t i = 0; i < data.outputs.size(); ++i) {
+    const Transform transform = data.outputs[i].transform;
+    if (transform == Transform::none) continue;
+    if (out.size() == 0) out.setZero(data.size());
+    for (Index k = 0; k < data.size(); ++k) {
+      const double z = data.y(static_cast<Index>(i), k);
+      if (!std::isnan(z)) out[k] += log_slope(transform, z);
+    }
+  }
+  return out;
 }
 
 Dataset first_samples(const Dataset& data, Index count) {

@@ -12,6 +12,7 @@
 #include "lib/base/alignment.h"
 #include "lib/base/error.h"
 #include "lib/data/csv.h"
+#include "lib/data/transform.h"
 
 namespace identikal {
 
@@ -20,6 +21,7 @@ struct Channel {
   std::string name;
   std::string unit;
   bool is_pseudo = false;  ///< an output that nobody measures: its number stands in the model
+  Transform transform = Transform::none;  ///< of the values that are in the Dataset
 };
 
 /// A parameter that has a value of its own in a recording.
@@ -28,8 +30,8 @@ struct OwnParameter {
   int source = 0;     ///< the one whose value it takes
 };
 
-/// An input that a model takes as late by an unknown time: what was recorded of it, with the samples
-/// before and behind those that are used.
+/// An input that a model takes as late by an unknown time: what was recorded of it, with the
+/// samples before and behind those that are used.
 struct LateRecord {
   int input = 0;           ///< 0-based
   Eigen::VectorXd time;    ///< M [s], rising
@@ -37,10 +39,12 @@ struct LateRecord {
 };
 
 struct Dataset {
-  std::string name;                  ///< of the file, without its folder
-  double dt = 0.0;                   ///< sampling period [s]: the step given, else the median step
-  Eigen::VectorXd time;              ///< N [s], strictly increasing
-  Eigen::VectorXd stamps;            ///< N [s]: as recorded, where `time` differs; else empty
+  std::string name;      ///< of the file, without its folder
+  double dt = 0.0;       ///< sampling period [s]: the step given, else the median step
+  Eigen::VectorXd time;  ///< N [s], strictly increasing
+  /// N [s]: as recorded, where `time` differs; else empty. Infinite where the state has come to
+  /// rest, behind all others.
+  Eigen::VectorXd stamps;
   std::vector<Eigen::Index> absent;  ///< rows that it has put in where none was recorded, rising
   Eigen::MatrixXd u;                 ///< nu x N, SI, NaN = missing
   Eigen::MatrixXd y;                 ///< ny x N, SI, NaN = missing
@@ -82,6 +86,7 @@ struct ChannelSource {
   /// A pseudo-measurement: this number, SI, in place of a column.
   std::optional<double> value = std::nullopt;
   bool empty_is_zero = false;  ///< a missing value is 0, as of doses
+  Transform transform = Transform::none;
 };
 
 /// Where time comes from: a column, or a fixed step.
@@ -91,11 +96,12 @@ struct TimeSource {
   double step = 0.0;   ///< [s]; with a column: the expected step, or 0 to take the median
   Location at;
   bool restarts = false;  ///< several runs in one file: each begins where the stamps go back
-  /// Rows may be absent: stamps that are different whole numbers of `step` apart are taken, wherever
-  /// their median lies.
+  /// Rows may be absent: stamps that are different whole numbers of `step` apart are taken,
+  /// wherever their median lies.
   bool rows_absent = false;
   /// Rows may have one time: each is a sample of its own, behind the one before by next to nothing.
   bool replicates = false;
+  bool infinite = false;  ///< the last rows may have the time infinity: the state has come to rest
 };
 
 /// Which rows to use, in seconds from the first row's time, both ends included. Infinite = no
@@ -114,8 +120,8 @@ bool looks_like_time(const Column& column);
 /// that counts from 1970; "s" where nothing says so.
 std::string time_unit(const Column& column);
 
-/// A column's values from the first one on, to the last digit that is written: of epoch times in ns doubles hold
-/// every 256th alone. As they are where doubles hold all of them.
+/// A column's values from the first one on, to the last digit that is written: of epoch times in ns
+/// doubles hold every 256th alone. As they are where doubles hold all of them.
 ///
 /// Example:
 ///
@@ -153,14 +159,23 @@ Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time);
 ///   (line and column of the first), an unknown unit, a unit of another dimension than si_unit, a
 ///   unit in the file that contradicts the model's, a missing, duplicate or backward time stamp
 ///   (its line), a median step more than 1 % off the step given (but for rows_absent), neither time column nor step, a
-///   column without any number in the range, fewer than two time stamps, or no row inside the
-///   range.
+///   column without any number in the range, fewer than two time stamps, no row inside the
+///   range, a time that is infinite where it may not be, or a value whose logarithm is to be taken and
+///   that is not above zero (its line).
 /// @param references  columns that may be absent or without numbers: a note says so
 /// @throws std::invalid_argument when an si_unit is not a unit.
 Dataset make_dataset(const Table& table, const TimeSource& time,
                      const std::vector<ChannelSource>& inputs,
                      const std::vector<ChannelSource>& outputs, const TimeRange& range = {},
                      const std::vector<ChannelSource>& references = {});
+
+/// The first row whose time is infinity, 0-based; size() where there is none.
+Eigen::Index first_at_rest(const Dataset& data);
+
+/// By how much the log-density of each row as it was recorded, SI, is above that of its transformed
+/// values: the sum of log |dz/dy| of what was measured, -log y of z = log y. Empty where no output
+/// is transformed.
+Eigen::VectorXd log_jacobian(const Dataset& data);
 
 /// The first `count` rows, or all when there are fewer.
 Dataset first_samples(const Dataset& data, Eigen::Index count);
@@ -169,8 +184,8 @@ Dataset first_samples(const Dataset& data, Eigen::Index count);
 Dataset samples_from(const Dataset& data, Eigen::Index first);
 
 /// Are the times whole numbers of steps apart, to 1 % of a step, and not all a multiple of one
-/// number? Then rows are absent from a grid of that step: 0.2 s and 0.3 s of one of 0.1 s, where 0.2 s
-/// throughout are a grid of their own.
+/// number? Then rows are absent from a grid of that step: 0.2 s and 0.3 s of one of 0.1 s, where
+/// 0.2 s throughout are a grid of their own.
 ///
 /// Example:
 ///

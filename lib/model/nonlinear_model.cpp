@@ -7,20 +7,18 @@
 #include <stdexcept>
 #include <utility>
 
-#include "lib/base/interpolation.h"
 #include "lib/base/message.h"
 #include "lib/internal/add_scaled.h"
+#include "lib/model/equilibrium.h"
 #include "lib/model/internal/controlled_motion.h"
+#include "lib/model/internal/doses.h"
 #include "lib/model/internal/rates.h"
 
 namespace identikal {
 namespace {
 
 using Eigen::Index;
-using Eigen::MatrixXd;
 using Id = FormulaGraph::Id;
-
-bool has_doses(const NonlinearModel& model) { return model.doses.values > 0; }
 
 std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<Id>& values,
                                          const std::vector<int>& by) {
@@ -353,29 +351,23 @@ void step_linear_in_state(const NonlinearModel& model, ModelMemory& m, const Inp
   m.repeated.push_back(std::move(made));
 }
 
-void add_doses(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
-               Eigen::Ref<Eigen::VectorXd> x) {
-  write_point(model, m.doses, x.data(), inputs.at_sample.col(k).data(), inputs.time[k]);
-  evaluate_jacobian(model.doses, m.doses, span_of(m.dose), span_of(m.dose_jacobian));
-  x += m.dose;
-}
-
-// V(x + d(p), p) moves with p by V_x d_p as well.
-void chain_doses(const NonlinearModel& model, const ModelMemory& m, Jacobian& jacobian,
-                 Derivatives order, Gramians* gramians) {
-  const Index nx = model.states;
-  const auto d_p = m.dose_jacobian.rightCols(model.columns);
-  const auto add = [&](MatrixXd& by) {
-    by.rightCols(model.columns) += by.leftCols(nx).lazyProduct(d_p);
-  };
-  jacobian.wrt_p += jacobian.wrt_x.lazyProduct(d_p);
-  if (order == Derivatives::first) return;
-  add(jacobian.wrt_x_jacobian);
-  if (gramians != nullptr) add(gramians->jacobian);
-}
-
 void move(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
           Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian, Derivatives order, Gramians* gramians);
+
+bool comes_to_rest(const InputNodes& inputs, Index k) {
+  return inputs.at_rest >= 0 && k + 1 >= inputs.at_rest;
+}
+
+// To where the motion rests under the inputs of the next sample.
+void come_to_rest(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
+                  Eigen::Ref<Eigen::VectorXd> x, Jacobian* jacobian) {
+  const Equilibrium rest = equilibrium(model, m, x, inputs.at_sample.col(k + 1));
+  x = rest.x;
+  if (!rest.found) x.setConstant(std::numeric_limits<double>::quiet_NaN());
+  if (jacobian == nullptr) return;
+  jacobian->wrt_x = rest.wrt_x;
+  jacobian->wrt_p = rest.wrt_p;
+}
 
 }  // namespace
 
@@ -458,7 +450,9 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   out.rate_jacobian = make_tape(graph, f, by_f);
   out.output_jacobian = make_tape(graph, h, by_h);
   if (!nodes.doses.empty()) {
-    out.doses = make_tape(graph, nodes.doses, jacobian_of(graph, nodes.doses, by));
+    const std::vector<std::vector<Id>> by_dose = jacobian_of(graph, nodes.doses, by);
+    out.doses = make_tape(graph, nodes.doses, by_dose);
+    out.doses_move_with_state = !entries_not_zero(graph, by_dose, out.states).empty();
   }
   out.rate_slopes = entries_not_zero(graph, by_f, out.states);
   if (order == Derivatives::second) {
@@ -602,6 +596,7 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     x = rate;
     return;
   }
+  if (comes_to_rest(inputs, k)) return come_to_rest(model, m, inputs, k, x, nullptr);
   if (inputs.tolerance > 0.0) return move_controlled(model, m, inputs, k, x, nullptr);
   const int steps = inputs.steps[interval];
   const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
@@ -623,6 +618,9 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
           Gramians* gramians) {
   check_step_arguments(model, inputs, k);
   check_order(model, order);
+  if (model.doses_move_with_state && (gramians != nullptr || order == Derivatives::second)) {
+    throw std::invalid_argument("step: doses that move with the state have first derivatives only");
+  }
   if (has_doses(model)) add_doses(model, m, inputs, k, x);
   move(model, m, inputs, k, x, jacobian, order, gramians);
   if (has_doses(model)) chain_doses(model, m, jacobian, order, gramians);
@@ -651,11 +649,14 @@ void move(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
     if (order == Derivatives::second) jacobian.wrt_x_jacobian = m.H;
     return;
   }
-  if (inputs.tolerance > 0.0) {
+  const bool rests = comes_to_rest(inputs, k);
+  if (rests || inputs.tolerance > 0.0) {
     if (noisy || order == Derivatives::second) {
-      throw std::invalid_argument("step: controlled steps have first derivatives only");
+      throw std::invalid_argument(
+          "step: controlled steps, and those to rest, have first derivatives only");
     }
-    return move_controlled(model, m, inputs, k, x, &jacobian);
+    return rests ? come_to_rest(model, m, inputs, k, x, &jacobian)
+                 : move_controlled(model, m, inputs, k, x, &jacobian);
   }
   if (model.linear_in_state && (noisy || order == Derivatives::second)) {
     step_linear_in_state(model, m, inputs, k, x, jacobian, order, gramians);

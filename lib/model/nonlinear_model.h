@@ -19,16 +19,16 @@ struct ModelFormulas {
   std::vector<Expression> definitions;
   std::vector<Expression> dynamics;  ///< per state: x' = f(x, u, p, t) or x(t+1) = f(x, u, p, t)
   std::vector<Expression> outputs;   ///< y = h(x, u, p, t)
-  /// Per state, what is added to it at a sample, as soon as that has been measured: d(u, p, t). Empty:
-  /// nothing.
+  /// Per state, what is added to it at a sample, as soon as that has been measured: d(x, u, p, t).
+  /// Empty: nothing.
   std::vector<Expression> doses;
   bool continuous = true;
   /// An input that is late by a parameter tau: the formulas' symbol of it stands for
   ///
   ///   u - u' tau,
   ///
-  /// where at tau, u is to be U(t - tau) + U'(t - tau) tau of the input U(t) and the further input u'
-  /// is U'(t - tau): then value and first derivatives by tau are those of U(t - tau), and so are
+  /// where at tau, u is to be U(t - tau) + U'(t - tau) tau of the input U(t) and the further input
+  /// u' is U'(t - tau): then value and first derivatives by tau are those of U(t - tau), and so are
   /// the second ones that a filter needs.
   struct LateInput {
     int input = 0, slope = 0;  ///< of the inputs, 0-based
@@ -76,6 +76,7 @@ struct NonlinearModel {
   };
   std::vector<Entry> rate_slopes, rate_curved, output_curved;
   Tape doses;  ///< with derivatives by z; of no values: no doses
+  bool doses_move_with_state = false;
 };
 
 /// @param known  per parameter: nothing is differentiated with respect to it, which costs time;
@@ -118,6 +119,9 @@ struct InputNodes {
   /// > 0: steps are chosen during the integration, see controlled_nodes().
   double tolerance = 0.0;
   std::vector<Pchip> curves;  ///< of those, per input; empty: straight between an interval's ends
+  /// From this sample on, 0-based, the state has come to rest under the sample's inputs
+  /// (lib/model/equilibrium.h), however long before it was elsewhere. -1: nowhere.
+  Eigen::Index at_rest = -1;
 };
 
 /// Steps of the Runge-Kutta method between two samples, at most.
@@ -216,9 +220,10 @@ ModelMemory make_memory(const NonlinearModel& model);
 void set_parameters(const NonlinearModel& model, ModelMemory& memory,
                     const Eigen::Ref<const Eigen::VectorXd>& p);
 
-/// Moves x from sample k to sample k + 1, 0-based, from x + d(u(k), p, t(k)): in continuous time by the classical fourth-order
-/// Runge-Kutta method, or as controlled_nodes() says, in discrete time by f with the inputs at
-/// sample k. What overflows or leaves a function's domain becomes infinite or NaN; the caller looks.
+/// Moves x from sample k to sample k + 1, 0-based, from x + d(x, u(k), p, t(k)): in continuous time
+/// by the classical fourth-order Runge-Kutta method, or as controlled_nodes() says, in discrete
+/// time by f with the inputs at sample k; to where it rests where nodes say so. What overflows,
+/// leaves a function's domain or comes to no rest becomes infinite or NaN; the caller looks.
 /// @param x  nx
 /// @throws std::invalid_argument when there is no such sample or the number of inputs differs
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
@@ -230,7 +235,8 @@ void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& in
 /// @param jacobian  written; allocates nothing when it has the right shapes
 /// @param order     @throws std::invalid_argument when it is beyond the model's
 /// @param gramians  null: none; @throws std::invalid_argument in discrete time, without densities,
-///   and, as for second derivatives, where steps are controlled
+///   and, as for second derivatives, where steps are controlled, where the state comes to rest, and
+///   where doses move with the state
 void step(const NonlinearModel& model, ModelMemory& memory, const InputNodes& inputs,
           Eigen::Index k, Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian,
           Derivatives order = Derivatives::first, Gramians* gramians = nullptr);

@@ -95,6 +95,11 @@ int find_parameter(const ParameterSet& parameters, const std::string& name) {
   return -1;
 }
 
+bool moves_by_logarithm(const Parameter& p) {
+  if (p.domain != Domain::scalar || p.scale == SearchScale::linear) return false;
+  return p.scale == SearchScale::logarithm || (p.min > 0.0 && std::isfinite(p.max));
+}
+
 Eigen::VectorXd coordinates(const ParameterSet& parameters) {
   Eigen::VectorXd out(free_count(parameters));
   Eigen::Index at = 0;

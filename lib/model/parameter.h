@@ -34,6 +34,13 @@ struct Prior {
   double a = 0.0, b = 0.0;  ///< SI
 };
 
+/// By what a search moves a number.
+enum class SearchScale {
+  automatic,  ///< its logarithm where it has two bounds above zero: it may be decades off
+  linear,     ///< itself
+  logarithm,
+};
+
 /// Where a parameter has a value: a model may say that some differ from recording to recording
 /// (identify/model/own_parameters.h).
 enum class Scope {
@@ -59,6 +66,7 @@ struct Parameter {
   bool fixed = false;
   Prior prior;
   Scope scope = Scope::everywhere;
+  SearchScale scale = SearchScale::automatic;
 
   double scalar() const { return value(0, 0); }
 };
@@ -66,6 +74,9 @@ using ParameterSet = std::vector<Parameter>;
 
 /// Position of the parameter of that name, or -1.
 int find_parameter(const ParameterSet& parameters, const std::string& name);
+
+/// Does a search of equations that are not linear move it by its logarithm?
+bool moves_by_logarithm(const Parameter& parameter);
 
 /// Box of an optimiser's coordinates; +-infinity where there is no bound.
 struct Box {

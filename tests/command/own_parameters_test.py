@@ -1,6 +1,7 @@
 """Parameters with values of their own in each recording; static models; errors of regression."""
 import math
 import random
+import re
 import unittest
 
 from program import Folder, result, run
@@ -74,11 +75,32 @@ class OwnParameters(unittest.TestCase):
     def test_what_would_take_the_start_for_the_value_is_refused(self):
         with Folder() as made:
             model, kitchen, _, _ = self.fitted(made, "-o", made.path / "cups")
-            for arguments in (("validate", made.path / "cups", kitchen), ("export", made.path / "cups", "--to", "python")):
+            refused = run("export", made.path / "cups", "--to", "python", code=2)
+            self.assertIn("values of their own in each recording", refused.stderr)
+            other = made.write("other.csv", cup(75, 20, 3))
+            for arguments in (("validate", made.path / "cups", other), ("forecast", model, other, "-n", "3", "--from", made.path / "cups")):
                 refused = run(*arguments, code=2)
-                self.assertIn("values of their own in each recording", refused.stderr)
+                self.assertIn("no value of 'T0' is known for this recording", refused.stderr)
             kept = run("export", made.path / "cups", "--to", "yaml", code=0).stdout
             self.assertIn("per: recording", kept)
+
+    def test_a_recordings_numbers_serve_forecast_bound_and_validate(self):
+        with Folder() as made:
+            model, kitchen, window, found = self.fitted(made, "-o", made.path / "cups")
+            got = values(found)
+            # The same as a model whose numbers are those of this recording.
+            alone = COOLING.replace(", per: recording", "").replace("recordings:\n  window: {room: 12}\n", "")
+            for name, value in {"T0": got["T0_window"], "room": 12, "k": got["k"], "s": got["s"]}.items():
+                alone = re.sub(rf"  {name}: .*", f"  {name}: {{value: {value!r}, min: 0}}", alone)
+            written = made.write("alone.yaml", alone)
+            joint = run("forecast", model, window, "-n", "5", "--from", made.path / "cups", code=0).stdout
+            single = run("forecast", written, window, "-n", "5", code=0).stdout
+            for one, other in zip(joint.split("\n")[1:-1], single.split("\n")[1:-1]):
+                for a, b in zip(one.split(","), other.split(",")):
+                    self.assertAlmostEqual(float(a), float(b), delta=1e-6 * abs(float(b)))
+            checked = result("validate", made.path / "cups", kitchen, window)
+            self.assertEqual("ok", checked["status"]["code"], checked["status"])
+            self.assertAlmostEqual(checked["objective"]["log_likelihood"], found["objective"]["log_likelihood"], delta=1e-3)
 
     def test_hold_out_of_the_same_recordings(self):
         with Folder() as made:
@@ -114,7 +136,7 @@ class OwnParameters(unittest.TestCase):
                 self.assertEqual(refused.stderr.count("\n"), 1, refused.stderr)
                 self.assertIn(message, refused.stderr, row)
             model = made.write("cooling.yaml", COOLING)
-            for arguments in (("bound", model, "-n", "10"), ("forecast", model, data, "-n", "3"), ("fit", model, data, "--objective", "simulation"),
+            for arguments in (("bound", model, "-n", "10"), ("fit", model, data, "--objective", "simulation"),
                               ("tune", model, data, "--extend"), ("tune", model, data, "--noise", "student")):
                 refused = run(*arguments)
                 self.assertEqual(refused.returncode, 2, arguments)

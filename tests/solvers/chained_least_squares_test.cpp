@@ -1,6 +1,7 @@
 #include "solvers/chained_least_squares.h"
 
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <stdexcept>
 
@@ -166,6 +167,36 @@ TEST(ChainedLeastSquares, WithoutStatesItIsLeastSquares) {
   // Its tolerance is 1e-12 of the sum of squares, so 1e-7 of p.
   EXPECT_NEAR(found.shared[0], (1.1 + 2.0 * 1.9 + 3.0 * 3.2) / 14.0, 1e-7);
   EXPECT_NEAR(found.root_information(0, 0) * found.root_information(0, 0), 14.0, 1e-10);
+}
+
+// A valley along y = x^3 + sin 3x whose walls are 1e5 times as steep as its floor.
+TEST(ChainedLeastSquares, FollowsANarrowValleyThatBends) {
+  ChainedLeastSquares valley;
+  valley.links = 1;
+  valley.shared = 2;
+  valley.lower = VectorXd::Constant(2, -kFree);
+  valley.upper = VectorXd::Constant(2, kFree);
+  valley.evaluate = [](const MatrixXd&, const VectorXd& p, bool with_derivatives,
+                       std::vector<ChainLink>& links) {
+    constexpr double kSteep = 1e5;
+    const double x = p[0], y = p[1];
+    ChainLink& link = links[0];
+    link.residuals = Eigen::Vector2d(1.0 - x, kSteep * (y - x * x * x - std::sin(3.0 * x)));
+    link.by_state = link.by_next_state = MatrixXd(2, 0);
+    if (!with_derivatives) return true;
+    link.by_shared =
+        MatrixXd{{-1.0, 0.0}, {-kSteep * (3.0 * x * x + 3.0 * std::cos(3.0 * x)), kSteep}};
+    return true;
+  };
+  SolverOptions options;
+  options.max_iterations = 10000;
+  const VectorXd start{{-2.0, -8.0 + std::sin(-6.0)}};
+  const ChainedSolution end = solve(valley, MatrixXd(0, 1), start, options);
+  std::printf("a bent valley: %d steps, %d evaluations\n", end.summary.iterations,
+              end.summary.evaluations);
+  EXPECT_TRUE(end.summary.usable());
+  EXPECT_NEAR(end.shared[0], 1.0, 1e-6);
+  EXPECT_LT(end.summary.iterations, 300);
 }
 
 TEST(ChainedLeastSquares, RefusesWhatDoesNotFit) {

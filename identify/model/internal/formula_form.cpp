@@ -11,6 +11,7 @@
 #include "identify/model/internal/noise_form.h"
 #include "identify/model/internal/recordings_form.h"
 #include "identify/model/internal/reference_form.h"
+#include "identify/model/internal/rest_form.h"
 #include "identify/model/internal/scale_form.h"
 #include "identify/model/internal/yaml_tree.h"
 #include "identify/model/matrix_reader.h"
@@ -21,8 +22,6 @@
 
 namespace identikal {
 namespace {
-
-constexpr const char* kSteadyState = "steady-state";
 
 // The symbols of a model's formulas, in the order of lib/model/nonlinear_model.h.
 struct Symbols {
@@ -129,7 +128,7 @@ class FormulaReader {
     read_dynamics();
     read_doses();
     read_rest();
-    if (!formulas_.late.empty()) refuse_beside_late_inputs(root_, general_.inputs, at_rest_);
+    if (!formulas_.late.empty()) refuse_beside_late_inputs(root_, general_.inputs, rests_);
     const PhysicalNames physical{state_names(), read_outputs(), input_dimensions(),
                                  symbols_.with_units};
     read_spreads(physical.outputs);
@@ -139,7 +138,8 @@ class FormulaReader {
                matrices);
     out_.student = read_student(root_, parameters_);
     required(root_, "initial", top, "initial: {mean: {STATE: NUMBER}, sd: {STATE: NUMBER}}");
-    read_initial(at_rest_ ? with_start_at_rest() : root_, physical, parameters_, matrices);
+    read_initial(general_.rests_at ? with_start_at_rest(root_, out_.states) : root_, physical,
+                 parameters_, matrices);
     if (reading_ == FormulaReading::as_written) give_start(matrices);
     if (!is_linear_) refuse_what_only_linear_models_have(matrices);
     decide_form(std::move(matrices));
@@ -202,6 +202,14 @@ class FormulaReader {
       general_.longest_step = read_si(*step, "s", "integration_step");
       if (!(general_.longest_step > 0.0)) {
         throw InputError(step->at, "integration_step is " + describe(*step), "a time above 0");
+      }
+    }
+    if (const YamlNode* tolerance = find(time, "integration_tolerance")) {
+      only_continuous(*tolerance);
+      general_.integration_tolerance = read_plain_number(*tolerance, "integration_tolerance");
+      if (!(general_.integration_tolerance >= 1e-10 && general_.integration_tolerance <= 1e-2)) {
+        throw InputError(tolerance->at, "integration_tolerance is " + describe(*tolerance),
+                         "1e-10 to 0.01: the error of a log-likelihood, relative");
       }
     }
   }
@@ -292,7 +300,7 @@ class FormulaReader {
     }
   }
 
-  // What is added to states at rows: formulas of inputs, parameters and the time.
+  // What is added to states at rows.
   void read_doses() {
     const YamlNode* node = find(root_, "doses");
     if (node == nullptr) return;
@@ -310,12 +318,11 @@ class FormulaReader {
       const std::string what = fmt::format("the dose of '{}'", names[i]);
       Expression& dose = formulas_.doses[i] = formula(*given, what);
       check(*given, dose, symbols_.dimensions[i], what);
-      for (const Expression::Node& each : dose.nodes) {
-        if (each.op != Op::symbol || !is_state(each.symbol)) continue;
-        throw InputError(place_in(*given, each.column),
-                         in_quotes(symbols_.names[each.symbol]) + " is a state",
-                         "inputs, parameters, the time t");
-      }
+      const bool of_state =
+          std::any_of(dose.nodes.begin(), dose.nodes.end(), [&](const Expression::Node& each) {
+            return each.op == Op::symbol && is_state(each.symbol);
+          });
+      if (of_state) refuse_moving_noise(root_, "a dose that holds a state");
     }
   }
 
@@ -334,31 +341,19 @@ class FormulaReader {
     return holds(symbol, [&](int each) { return each < formulas_.states; });
   }
 
-  // A start in a steady state: what inputs are before the recording.
+  // A start in a steady state, and rows at infinity.
   void read_rest() {
-    const YamlNode* node = find(root_, "initial");
-    const YamlNode* kind = node;
-    if (node != nullptr && node->kind == YamlNode::Kind::mapping) kind = find(*node, "kind");
-    if (kind == nullptr || kind->kind != YamlNode::Kind::scalar || kind->text != kSteadyState)
-      return;
+    const YamlNode* start = steady_state_start(root_);
+    const bool at_end = has_infinity(root_);
+    if (start == nullptr && !at_end) return;
     if (!formulas_.continuous) {
-      throw InputError(kind->at, "a steady state in discrete time", "time: {kind: continuous}");
+      throw InputError(start != nullptr ? start->at : find(root_, "time")->at,
+                       "a steady state in discrete time", "time: {kind: continuous}");
     }
     refuse_time_in_dynamics();
-    at_rest_ = true;
-    general_.rests_at.emplace(out_.inputs.size());
-    if (kind == node) return;
-    check_keys(*node, "initial", {"kind", "inputs", "mean", "sd", "covariance"});
-    const YamlNode* inputs = find(*node, "inputs");
-    if (inputs == nullptr) return;
-    std::vector<std::string> names;
-    for (const ChannelSource& input : out_.inputs) names.push_back(input.name);
-    check_keys(*inputs, "inputs", names);
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      const YamlNode* given = find(*inputs, names[i]);
-      if (given == nullptr) continue;
-      (*general_.rests_at)[i] = read_si(*given, out_.inputs[i].unit, in_quotes(names[i]));
-    }
+    rests_ = true;
+    if (at_end) refuse_moving_noise(root_, "time: {infinity: steady-state}");
+    if (start != nullptr) general_.rests_at = inputs_at_rest(root_, out_.inputs);
   }
 
   void refuse_time_in_dynamics() const {
@@ -374,33 +369,6 @@ class FormulaReader {
                          "dynamics of states, inputs and parameters");
       }
     }
-  }
-
-  // The file with the start that the motion comes to rest from, zero where none is said.
-  YamlNode with_start_at_rest() const {
-    YamlNode out = root_;
-    YamlNode& initial = value_at(out, "initial");
-    if (initial.kind != YamlNode::Kind::mapping) {
-      const YamlNode written = initial;
-      initial = yaml_mapping();
-      initial.at = written.at;
-    } else {
-      YamlNode rest = yaml_mapping();
-      rest.at = initial.at;
-      for (std::size_t i = 0; i < initial.keys.size(); ++i) {
-        const std::string& key = initial.keys[i].text;
-        if (key == "kind" || key == "inputs") continue;
-        rest.keys.push_back(initial.keys[i]);
-        rest.items.push_back(initial.items[i]);
-      }
-      initial = std::move(rest);
-    }
-    if (find(initial, "mean") == nullptr) {
-      YamlNode& mean = value_at(initial, "mean");
-      for (const StateName& state : out_.states)
-        append(mean, state.name, yaml_scalar("0", initial));
-    }
-    return out;
   }
 
   // Inputs that stand in doses alone.
@@ -450,11 +418,27 @@ class FormulaReader {
     return formula.nodes.back().op == Op::atan2 && angle && channel.delay == 0.0;
   }
 
+  // The output is the logarithm of its formula, as its values are of the column's.
+  void take_transform(const YamlNode& node, ChannelSource& channel) {
+    const std::string& word = word_of(node, "transform", {"log", "log10"});
+    const auto refuse = [&](bool wrong, const char* what) {
+      if (wrong) throw InputError(node.at, fmt::format("{} of {}", word, what), "no transform");
+    };
+    refuse(channel.wraps, "an angle that wraps");
+    refuse(channel.value.has_value(), "a known value");
+    refuse(channel.scale != 1.0 || channel.offset != 0.0, "a column with scale or offset");
+    const bool common = word == "log10";
+    channel.transform = common ? Transform::common_logarithm : Transform::logarithm;
+    std::vector<Expression::Node>& nodes = formulas_.outputs.back().nodes;
+    const int whole = static_cast<int>(nodes.size()) - 1;
+    nodes.push_back({.op = common ? Op::log10 : Op::log, .a = whole});
+  }
+
   std::vector<PhysicalName> read_outputs() {
     const YamlNode& node = required(root_, "outputs", "the model file",
                                     "outputs: {NAME: {column: ..., unit: ..., equals: formula}}");
     std::vector<std::string> keys = kOutputKeys;
-    keys.insert(keys.end(), {"equals", "wrap"});
+    keys.insert(keys.end(), {"equals", "wrap", "transform"});
     out_.outputs = read_channels(node, "outputs", {}, keys);
     std::vector<PhysicalName> out;
     for (std::size_t i = 0; i < out_.outputs.size(); ++i) {
@@ -480,7 +464,12 @@ class FormulaReader {
           check(own, formulas_.outputs.back(), dimension, fmt::format("output '{}'", channel.name));
         }
       }
-      out.push_back({channel.name, dimension, own_sd(node, i), channel.unit});
+      if (const YamlNode* transform = find(node.items[i], "transform")) {
+        take_transform(*transform, channel);
+        out.push_back({channel.name, Dimension{}, own_sd(node, i), ""});
+      } else {
+        out.push_back({channel.name, dimension, own_sd(node, i), channel.unit});
+      }
     }
     return out;
   }
@@ -517,8 +506,8 @@ class FormulaReader {
     LinearModel out;
     const bool scaled = std::any_of(spreads_.begin(), spreads_.end(),
                                     [](const NoiseSpread& each) { return each.of_state; });
-    const bool may_be_linear = reading_ == FormulaReading::linear && !wraps && !scaled &&
-                               !at_rest_ && formulas_.doses.empty() && formulas_.late.empty();
+    const bool may_be_linear = reading_ == FormulaReading::linear && !wraps && !scaled && !rests_ &&
+                               formulas_.doses.empty() && formulas_.late.empty();
     if (may_be_linear && general_.inputs != InputPath::pchip && general_.longest_step == 0.0) {
       const bool held = general_.inputs == InputPath::constant;
       std::optional<LinearModel> linear = in_formula(*find(root_, "dynamics"), [&] {
@@ -669,7 +658,7 @@ class FormulaReader {
   ModelFormulas formulas_;
   std::vector<Expression> references_;
   std::vector<NoiseSpread> spreads_;
-  bool at_rest_ = false;    // the start is a steady state
+  bool rests_ = false;      // in a steady state, at the start or at infinity
   bool is_linear_ = false;  // in the states, whatever inputs and time are
   FormulaModel general_;    // until the form is decided
 };

@@ -33,8 +33,8 @@ std::vector<Eigen::Index> linear_coordinates(const LikelihoodProblem& problem,
 ///
 ///   n = 2 s^2 I_ss / exponent^2,   S = n + 2 s g_s / exponent.
 ///
-/// and over coordinates in which outputs are linear, which one step of least squares brings to their
-/// best (variable projection: Golub & Pereyra 1973; the information is Kaufman's, 1975).
+/// and over coordinates in which outputs are linear, which one step of least squares brings to
+/// their best (variable projection: Golub & Pereyra 1973; the information is Kaufman's, 1975).
 /// Coordinates refer to the problem, which has to outlive this.
 class ProfiledLikelihood {
  public:

@@ -24,4 +24,14 @@ ParameterSet scattered_start(ParameterSet start, Random& random) {
   return start;
 }
 
+ParameterSet start_nearby(ParameterSet start, Random& random) {
+  for (Parameter& p : start) {
+    if (p.fixed || p.domain != Domain::scalar) continue;
+    const double factor =
+        moves_by_logarithm(p) ? std::exp(random.normal()) : 1.0 + 0.6 * (random.uniform() - 0.5);
+    p.value(0, 0) = std::clamp(factor * p.scalar(), p.min, p.max);
+  }
+  return start;
+}
+
 }  // namespace identikal

@@ -11,4 +11,8 @@ namespace identikal {
 /// parameters alone.
 ParameterSet scattered_start(ParameterSet parameters, Random& random);
 
+/// By a factor that is log-normal about 1, sd 1 of its logarithm, where a number moves by its
+/// logarithm; else by up to 30 % of itself. Within the bounds; free scalars alone.
+ParameterSet start_nearby(ParameterSet parameters, Random& random);
+
 }  // namespace identikal

@@ -13,11 +13,13 @@
 #include "identify/model/parameter_prior.h"
 #include "identify/model/row_order.h"
 #include "identify/noise/internal/common_scale.h"
+#include "identify/noise/internal/log_coordinates.h"
 #include "identify/noise/internal/profiled_noise.h"
 #include "identify/noise/internal/promising_starts.h"
 #include "identify/noise/internal/root_coordinates.h"
 #include "identify/noise/internal/scattered_start.h"
 #include "identify/noise/internal/shot_starts.h"
+#include "identify/shooting/shooting.h"
 #include "lib/base/random.h"
 #include "solvers/covariance.h"
 #include "solvers/observed_newton.h"
@@ -36,7 +38,7 @@ constexpr double kNegligible = 1e-4;   // gain in log-likelihood that no search 
 constexpr int kDoubted = 5;            // starts where there is a doubt
 constexpr int kSearchRounds = 4;       // of looking around the best
 constexpr int kApproach = 500;         // iterations towards a simulation's least squares
-constexpr int kFromShot = 60;          // the same from where multiple shooting has found them
+constexpr int kFromShot = 60;          // behind it, from where multiple shooting had found them
 constexpr int kByCurvature = 40, kCurvatureSteps = 60;  // unknowns at most, steps
 constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
@@ -193,6 +195,8 @@ class Searches {
         starts_(std::move(starts)),
         exact_slopes_(rows_have_no_order(model, model.parameters)),
         scales_(squares ? scales_to_profile(model) : std::nullopt),
+        known_(squares && known_output_sd(model).size() > 0),
+        logs_(logarithmic_coordinates(model, scales_ ? scales_->scales : std::vector<Index>())),
         roots_(model, factors),
         scale_(model, factors, samples),
         samples_(samples) {}
@@ -223,9 +227,9 @@ class Searches {
     };
     const VectorXd from = starts_[start].cwiseMax(problem.lower).cwiseMin(problem.upper);
     double at_start = std::numeric_limits<double>::quiet_NaN();
-    if (scales_) problem.evaluate(from, at_start, nullptr, nullptr);
-    const SolverSummary approach =
-        scales_ ? approached(watched, from, solver, out.solution) : SolverSummary{};
+    const bool approaches = scales_ || known_ || !logs_.entries.empty();
+    if (approaches) problem.evaluate(from, at_start, nullptr, nullptr);
+    const SolverSummary approach = approached(watched, from, solver, out.solution);
     if (approach.termination == Termination::stopped) {
       out.solution.summary.initial_objective = at_start;
       return out;
@@ -233,11 +237,11 @@ class Searches {
     if (roots_.any()) {
       within_roots(watched, from, solver, out);
     } else {
-      out.solution = maximise(watched, scales_ ? out.solution.x : from, solver);
+      out.solution = maximise(watched, out.solution.x, solver);
       add_effort(approach, out.solution.summary);
     }
     SolverSummary& summary = out.solution.summary;
-    if (scales_) summary.initial_objective = at_start;
+    if (approaches) summary.initial_objective = at_start;
     out.path.insert(out.path.begin(), summary.initial_objective);
     return out;
   }
@@ -348,20 +352,37 @@ class Searches {
     return no_higher && known.L - L < kNear && d.dot(known.information * d) < kNear;
   }
 
-  // A simulation's start may be far from where its noise means anything: its squares first.
+  // What may be decades off by its logarithm. A simulation's start may be far from where its noise
+  // means anything: its squares first.
   // @param solution  written: where that ended, with the noise that was left
   SolverSummary approached(const LikelihoodProblem& problem, const VectorXd& from,
                            SolverOptions solver, Solution& solution) const {
+    solution.x = from;
+    if (!scales_ && !known_ && logs_.entries.empty()) return {};
+    const LikelihoodProblem by_logs = logs_.problem(problem);
+    const VectorXd z = logs_.from(from);
+    if (scales_ || known_) {
+      if (options_.iterations == 0) solver.max_iterations = kApproach;
+      solver.decrement_tolerance = kPlateau;
+      solution =
+          known_ ? maximise_of_known_noise(by_logs, z, solver) : least_squares(by_logs, z, solver);
+    } else {
+      solution = maximise(by_logs, z, solver);
+    }
+    solution.x = logs_.to(solution.x).cwiseMax(problem.lower).cwiseMin(problem.upper);
+    return solution.summary;
+  }
+
+  Solution least_squares(const LikelihoodProblem& problem, const VectorXd& from,
+                         const SolverOptions& solver) const {
     const std::vector<Index> linear =
         exact_slopes_ ? linear_coordinates(problem, *scales_, from) : std::vector<Index>();
     ProfiledLikelihood profiled(problem, *scales_, from, linear);
-    solver.max_iterations = most_;
-    solver.decrement_tolerance = kPlateau;
     const LikelihoodProblem of_others = profiled.problem();
-    solution = maximise_from_afar(of_others, profiled.start(), samples_, solver);
-    if (exact_slopes_) leave_ridge(of_others, solver, solution);
-    solution.x = profiled.all(solution.x);
-    return solution.summary;
+    Solution out = maximise_from_afar(of_others, profiled.start(), samples_, solver);
+    if (exact_slopes_) leave_ridge(of_others, solver, out);
+    out.x = profiled.all(out.x);
+    return out;
   }
 
   // Where two terms of a sum have become one, as two exponentials with the same rate, slopes vanish
@@ -388,10 +409,12 @@ class Searches {
   }
 
   const NoiseMlOptions& options_;
-  const int most_;  // iterations of an approach
+  const int most_;  // iterations
   std::vector<VectorXd> starts_;
   const bool exact_slopes_;            // to rounding: nothing is integrated
   std::optional<NoiseScales> scales_;  // of the noise of a simulation, if it is one
+  const bool known_;                   // its noise is known, of a simulation
+  LogCoordinates logs_;
   RootCoordinates roots_;
   CommonScale scale_;
   double samples_;
@@ -471,7 +494,9 @@ void count_shots(const ShotStarts& shot, SeveralStarts& out) {
   std::vector<double> log_likelihood;
   for (std::size_t s = 0; s < shot.place_of_start.size(); ++s) {
     const int place = shot.place_of_start[s];
-    if (place >= 0) {
+    if (!std::isfinite(shot.behind[s])) {
+      ++out.undefined;
+    } else if (place >= 0) {
       ends.push_back(out.ends[static_cast<std::size_t>(place)]);
       log_likelihood.push_back(out.log_likelihood[static_cast<std::size_t>(place)]);
     } else {
@@ -560,9 +585,13 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     if (summary.termination == Termination::not_called) continue;  // told to stop before
     out.iterations += summary.iterations;
     out.evaluations += summary.evaluations;
-    const bool undefined = summary.termination == Termination::start_undefined ||
-                           breaks_constraints(likelihood, parameters, factors, search.solution);
-    if (undefined && &search != &all[0]) continue;
+    const bool undefined = summary.termination == Termination::start_undefined;
+    if (undefined) ++out.undefined;
+    if (undefined && all.size() > 1) continue;
+    if (&search != &all[0] &&
+        breaks_constraints(likelihood, parameters, factors, search.solution)) {
+      continue;
+    }
     defined.push_back(&search);
     out.paths.push_back(std::move(search.path));
     if (search.arrived && !search.told_to_stop) {
@@ -580,7 +609,10 @@ SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const Paramet
     if (out.ends.back() == SearchEnd::best && search->solution.summary.usable())
       out.best_ends.push_back(search->solution.x);
   }
-  if (shot && defined.size() == all.size()) count_shots(*shot, out);
+  if (shot && defined.size() == all.size()) {
+    out.undefined = 0;
+    count_shots(*shot, out);
+  }
   if (shot) {
     out.shot = true;
     double at_start = std::numeric_limits<double>::quiet_NaN();
@@ -610,6 +642,13 @@ void search_again(SeveralStarts& found, RecordingsLikelihood& likelihood,
   if (!searches.stopped()) return;
   found.best.summary.termination = Termination::stopped;
   found.best.summary.message = "stopped by the caller";
+}
+
+std::string undefined_starts(const SeveralStarts& found) {
+  if (found.undefined == 0) return "";
+  return fmt::format(
+      "{} of {} starts led nowhere: the likelihood is undefined there, as where a state overflows",
+      found.undefined, found.undefined + static_cast<int>(found.ends.size()));
 }
 
 Findings check_starts(const SeveralStarts& found) {

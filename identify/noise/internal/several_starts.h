@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "identify/filter/recordings_likelihood.h"
@@ -26,7 +27,9 @@ struct SeveralStarts {
   /// Starts that multiple shooting has led to the best (shot_starts.h), and the stages of its path.
   int by_path = 0, stages = 0;
   bool shot = false;  ///< places to begin at were looked for on integration of its own
-  /// Of each start, but for scattered ones where the likelihood is undefined:
+  int undefined =
+      0;  ///< starts at which the likelihood is undefined, and which are in nothing below
+  /// Of each other start:
   std::vector<SearchEnd> ends;
   std::vector<double> log_likelihood;
   std::vector<std::vector<double>> paths;  ///< log-likelihood by iteration
@@ -35,11 +38,11 @@ struct SeveralStarts {
   int count(SearchEnd end) const;
 };
 
-/// Searches from the model's own values, and from others scattered about them where options.starts
-/// says so. 0 asks for four more where the first leaves a doubt; where variances alone are unknown
-/// and some may be zero, for one with each of these so large that the samples tell it, and so on
-/// from a better maximum that is found there. One that comes near the first one's maximum ends
-/// there.
+/// Searches from the model's own values, which may be where the likelihood is undefined, and from
+/// others scattered about them where options.starts says so. 0 asks for four more where the first
+/// leaves a doubt; where variances alone are unknown and some may be zero, for one with each of
+/// these so large that the samples tell it, and so on from a better maximum that is found there.
+/// One that comes near the first one's maximum ends there.
 /// @param factors  of the named covariances; options.threads searches run at a time
 SeveralStarts search_from_starts(RecordingsLikelihood& likelihood, const ParameterSet& parameters,
                                  const FactorCoordinates& factors, const NoiseMlOptions& options);
@@ -52,5 +55,8 @@ void search_again(SeveralStarts& found, RecordingsLikelihood& likelihood,
 /// Where the starts ended, if not all at the best. Where a search stopped short says nothing of
 /// other maxima, however often it does.
 Findings check_starts(const SeveralStarts& found);
+
+/// A sentence on the starts that led nowhere; empty where there are none.
+std::string undefined_starts(const SeveralStarts& found);
 
 }  // namespace identikal

@@ -16,7 +16,8 @@ namespace {
 constexpr int kCandidates = 30;      // of each start but the first
 constexpr double kFarBehind = 10.0;  // log-likelihood: from there no search comes to the best
 
-// The file's values; and of every other start, places scattered about them.
+// The file's values; and of every other start, places scattered about them, every second time half
+// of them not far away: where many unknowns may be decades off, no other place is as good by chance.
 std::vector<std::vector<ParameterSet>> candidates_about(const ParameterSet& parameters, int starts,
                                                         std::uint64_t seed) {
   Random random(seed);
@@ -24,7 +25,9 @@ std::vector<std::vector<ParameterSet>> candidates_about(const ParameterSet& para
   for (int s = 1; s < starts; ++s) {
     out.emplace_back();
     for (int k = 0; k < kCandidates; ++k) {
-      out.back().push_back(scattered_start(parameters, random));
+      const bool near = s % 2 == 1 && k % 2 == 0;
+      out.back().push_back(near ? start_nearby(parameters, random)
+                                : scattered_start(parameters, random));
     }
   }
   return out;
@@ -42,16 +45,20 @@ std::size_t lowest(const std::vector<ShootingEnd>& ends) {
 // ShootingEnd::loss by the model's own simulation.
 double simulated_loss(const Model& model, const std::vector<Dataset>& recordings,
                       const ParameterSet& at) {
+  const Eigen::ArrayXd known = known_output_sd(model).array();
   const Eigen::Index outputs = recordings[0].y.rows();
   Eigen::ArrayXd squares = Eigen::ArrayXd::Zero(outputs), counts = squares;
   for (const Dataset& data : recordings) {
-    const Eigen::ArrayXXd errors = simulation_errors(model, at, data).array();
+    Eigen::ArrayXXd errors = simulation_errors(model, at, data).array();
+    const bool weighted = known.size() > 0 && data.noise_scale.size() > 0;
+    if (weighted) errors /= data.noise_scale.array();
     const auto measured = errors == errors;
     squares += measured.select(errors.square(), 0.0).rowwise().sum();
     counts += measured.cast<double>().rowwise().sum();
   }
   const Eigen::ArrayXd mean = (counts > 0.0).select(squares / counts.max(1.0), 1.0);
-  const double out = (0.5 * counts * mean.log()).sum();
+  const double out =
+      known.size() > 0 ? 0.5 * (squares / known.square()).sum() : (0.5 * counts * mean.log()).sum();
   return std::isnan(out) ? kInfinity : out;
 }
 

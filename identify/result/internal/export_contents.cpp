@@ -117,6 +117,12 @@ void add_formulas(ExportContents& to, const StoredResult& result) {
   }
   if (!to.states.empty()) to.lines.push_back("states x: " + channel_list(to.states, ""));
   to.lines.push_back("outputs y: " + channel_list(to.outputs));
+  for (const ChannelSource& output : model.outputs) {
+    if (output.transform == Transform::none) continue;
+    const bool common = output.transform == Transform::common_logarithm;
+    to.lines.push_back(fmt::format("y of {} is the {} of what was measured, in SI", output.name,
+                                   common ? "common logarithm" : "logarithm"));
+  }
   if (!to.inputs.empty()) to.lines.push_back("inputs u: " + channel_list(to.inputs));
 }
 

@@ -444,6 +444,8 @@ std::string why_no_filter_code(const Model& model, const std::string& method) {
     return "its inputs are smooth between samples (inputs: pchip), which needs later ones";
   }
   if (!formulas.late.empty()) return "its inputs are late by a time that was estimated";
+  if (formulas.equations.doses_move_with_state) return "what its doses do depends on the state";
+  if (model.time.infinite) return "rows at infinity are measured in a steady state";
   if (!model.conditions.empty()) return "its outputs count under conditions ('when')";
   return "";
 }

@@ -17,6 +17,8 @@ constexpr double kFreest = 1.0, kStiffest = 1e-8;   // freedom of the states
 constexpr double kTightened = 0.31622776601683794;  // from stage to stage
 constexpr double kLoosened = 1e3;  // once, where steps of the integration become exact
 constexpr int kStageIterations = 25, kSearchIterations = 60, kGrids = 5;
+constexpr int kPolished = 1000;
+constexpr double kPolishSettled = 1e-12;
 constexpr double kStageSettled = 1e-3, kSearchSettled = 1e-6;  // reductions that none goes on for
 constexpr double kLost = 0.9;  // of what outputs scatter by: such errors of a trajectory
 constexpr double kFollows =
@@ -82,10 +84,14 @@ VectorXd scale_of(const MatrixXd& states) {
 
 Attempt::Attempt(const Model& model, const std::vector<Dataset>& recordings,
                  const std::vector<ParameterSet>& candidates)
-    : problem_(model, recordings),
+    : model_(model),
+      recordings_(recordings),
+      known_(known_output_sd(model)),
+      problem_(model, recordings),
       parameters_(candidates.front()),
       deviation_(output_deviations(recordings)),
       finest_(roughness(recordings).cwiseMax(kFinest * deviation_)) {
+  problem_.take_logarithms();
   for (const ParameterSet& set : candidates) candidates_.push_back(problem_.values_in(set));
   p_ = candidates_.front();
   for (const Dataset& data : recordings) {
@@ -105,6 +111,10 @@ double Attempt::worse_than(double loss) const { return std::exp((loss_ - loss) /
 double Attempt::relative(const VectorXd& squares, const VectorXd& counts) const {
   return std::sqrt((squares.array() / deviation_.array().square()).sum() /
                    std::max(1.0, counts.sum()));
+}
+
+void Attempt::weigh_outputs(const VectorXd& otherwise) {
+  problem_.output_sd = known_.size() > 0 ? known_ : otherwise;
 }
 
 void Attempt::solve_and_count(const ChainedLeastSquares& problem, ChainedSolution& at,
@@ -150,13 +160,13 @@ void Attempt::search_from_candidates() {
   if (by_error.size() > kTried) by_error.resize(kTried);
   SimulatedEnd lowest;
   for (const auto& [error, p] : by_error) {
-    problem_.output_sd = deviation_;
+    weigh_outputs(deviation_);
     const int iterations = by_error.size() > 1 ? kTriedIterations : kSearchIterations;
     SimulatedEnd end = search_simulation(*p, kCoarse, iterations);
     if (end.loss < lowest.loss) lowest = std::move(end);
   }
   if (by_error.size() > 1 && std::isfinite(lowest.loss)) {
-    problem_.output_sd = deviation_;
+    weigh_outputs(deviation_);
     lowest = search_simulation(lowest.p, kCoarse, kSearchIterations);
   }
   take(lowest, {});
@@ -177,10 +187,10 @@ Attempt::SimulatedEnd Attempt::search_simulation(const VectorXd& start, double t
   if (!problem_.simulate(at.shared, states)) return out;
   VectorXd squares, counts;
   problem_.output_errors(at.shared, states, squares, counts);
-  out = {at.shared, loss_of(squares, counts),
-         at.summary.termination != Termination::iteration_limit, at.root_information};
-  problem_.output_sd =
-      (squares.array() / counts.array().max(1.0)).sqrt().max(1e-6 * deviation_.array());
+  const double loss = known_.size() > 0 ? at.summary.objective : loss_of(squares, counts);
+  out = {at.shared, loss, at.summary.termination != Termination::iteration_limit,
+         at.root_information};
+  weigh_outputs((squares.array() / counts.array().max(1.0)).sqrt().max(1e-6 * deviation_.array()));
   return out;
 }
 
@@ -195,7 +205,28 @@ void Attempt::refine() {
     take(found, std::move(stages_));
     if (converged_ && std::abs(before - loss_) < kSettledLoss) break;
   }
+  if (known_.size() > 0 && std::isfinite(loss_)) polish();
   refined_ = true;
+}
+
+// By the numbers themselves, on exact steps: the last of a valley that leads to a bound, which is
+// no end by logarithms.
+void Attempt::polish() {
+  TrajectoryProblem plain(model_, recordings_);
+  plain.output_sd = known_;
+  VectorXd p = plain.values_in(problem_.with_values(parameters_, p_));
+  MatrixXd states;
+  if (!plain.simulate(p, states)) return;
+  plain.choose_steps(p, states, scale_of(states), kExact);
+  ChainedSolution at;
+  at.states.resize(0, plain.recordings());
+  at.shared = p;
+  solve_and_count(plain.simulation_problem(), at, kPolished, kPolishSettled);
+  if (at.summary.termination == Termination::start_undefined) return;
+  if (!(at.summary.objective < loss_)) return;
+  p_ = problem_.values_in(plain.with_values(parameters_, at.shared));
+  loss_ = at.summary.objective;
+  converged_ = at.summary.termination != Termination::iteration_limit;
 }
 
 void Attempt::take(const SimulatedEnd& found, std::vector<ShootingStage> stages) {
@@ -264,7 +295,7 @@ bool Attempt::simulation_follows(double allowed) {
 
 void Attempt::search_from_path() {
   if (path_.empty()) return;
-  problem_.output_sd = deviation_;
+  weigh_outputs(deviation_);
   const double before = loss_;
   const SimulatedEnd found = search_simulation(trajectory_.shared, tolerance_, kSearchIterations);
   confirmed_ = std::abs(found.loss - before) < kSettledLoss;
@@ -277,7 +308,10 @@ bool Attempt::is_below(const Attempt& other) const { return loss_ < other.loss_ 
 bool Attempt::meets(const Attempt& other) const {
   if (!std::isfinite(loss_) || !std::isfinite(other.loss_)) return false;
   const VectorXd d = p_ - other.p_;
-  const VectorXd size = p_.cwiseAbs() + other.p_.cwiseAbs();
+  VectorXd size = p_.cwiseAbs() + other.p_.cwiseAbs();
+  for (std::size_t i = 0; i < problem_.logarithms().size(); ++i) {
+    if (problem_.logarithms()[i]) size[static_cast<Index>(i)] = 2.0;
+  }
   if ((d.array().abs() <= kSamePlace * size.array()).all()) return true;
   const double worse = std::abs(std::log(worse_than(other.loss_)));
   return worse < kSameErrors && (root_information_ * d).squaredNorm() < 1.0;

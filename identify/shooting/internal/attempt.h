@@ -19,7 +19,8 @@ class Attempt {
   /// Least squares of the simulation on coarse steps of integration: a few steps from each of the best
   /// candidates, and from the lowest end of these to the end.
   void search_from_candidates();
-  /// From the lowest so far, on fine steps and with outputs weighted by their errors.
+  /// From the lowest so far, on fine steps and with outputs weighted by their errors, or their known
+  /// noise.
   void refine();
 
   /// Begins the path of multiple shooting at the first candidate.
@@ -55,6 +56,9 @@ class Attempt {
   };
   Eigen::MatrixXd choose_first_steps();
   SimulatedEnd search_simulation(const Eigen::VectorXd& start, double tolerance, int iterations);
+  void polish();
+  // Outputs are weighted by their noise where it is known.
+  void weigh_outputs(const Eigen::VectorXd& otherwise);
   void take(const SimulatedEnd& found, std::vector<ShootingStage> stages);
   double loss_of(const Eigen::VectorXd& squares, const Eigen::VectorXd& counts) const;
   double relative(const Eigen::VectorXd& squares, const Eigen::VectorXd& counts) const;
@@ -62,6 +66,9 @@ class Attempt {
   void solve_and_count(const ChainedLeastSquares& problem, ChainedSolution& at, int iterations,
                        double tolerance);
 
+  const Model& model_;
+  const std::vector<Dataset>& recordings_;
+  const Eigen::VectorXd known_;  // standard deviations of outputs; empty: some are not
   TrajectoryProblem problem_;
   std::vector<Eigen::VectorXd> candidates_;
   ParameterSet parameters_;

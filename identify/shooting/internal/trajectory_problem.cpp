@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "identify/model/late_inputs.h"
+#include "identify/model/recording_nodes.h"
 #include "identify/model/starting_state.h"
 #include "lib/base/nearest_turn.h"
 #include "lib/nonlinear/filter.h"
@@ -21,11 +21,6 @@ constexpr int kJumpDoublings = 3;
 constexpr double kJump = 1e-2;        // of a state's scale
 constexpr double kControlled = 1e-5;  // tolerance of implicit steps
 
-InputNodes nodes_with(const FormulaModel& model, const ParameterSet& at, const Dataset& recording,
-                      const std::vector<int>& steps) {
-  return input_nodes(recording.time, inputs_at(model, at, recording), model.inputs, steps);
-}
-
 std::vector<int> same_steps(const Dataset& recording, int steps) {
   return std::vector<int>(static_cast<std::size_t>(recording.size() - 1), steps);
 }
@@ -35,6 +30,7 @@ std::vector<int> same_steps(const Dataset& recording, int steps) {
 TrajectoryProblem::TrajectoryProblem(const Model& model, const std::vector<Dataset>& recordings)
     : model_(model),
       recordings_(recordings),
+      box_(coordinate_box(model.parameters)),
       at_(model.parameters),
       memory_(make_memory(as_formulas(model).equations)) {
   const std::vector<EntryDerivative> entries = entry_derivatives(at_);
@@ -54,10 +50,12 @@ TrajectoryProblem::TrajectoryProblem(const Model& model, const std::vector<Datas
     unknowns_.push_back(static_cast<Index>(i));
     column_.push_back(column);
   }
+  logarithms_.assign(unknowns_.size(), false);
+  slope_ = VectorXd::Ones(static_cast<Index>(unknowns_.size()));
   for (const Dataset& recording : recordings) {
     first_.push_back(samples_);
     samples_ += recording.size();
-    nodes_.push_back(nodes_with(as_formulas(model), at_, recording, same_steps(recording, 1)));
+    nodes_.push_back(recording_nodes(as_formulas(model), at_, recording, same_steps(recording, 1)));
   }
   output_sd = VectorXd::Ones(equations().outputs);
   step_sd = VectorXd::Ones(equations().states);
@@ -67,14 +65,37 @@ TrajectoryProblem::TrajectoryProblem(const Model& model, const std::vector<Datas
   error_.resize(equations().outputs);
 }
 
+void TrajectoryProblem::take_logarithms() {
+  const std::vector<EntryDerivative> entries = entry_derivatives(model_.parameters);
+  for (std::size_t i = 0; i < unknowns_.size(); ++i) {
+    const auto entry = static_cast<std::size_t>(unknowns_[i]);
+    const auto parameter = static_cast<std::size_t>(entries[entry].parameter);
+    logarithms_[i] = moves_by_logarithm(model_.parameters[parameter]);
+  }
+}
+
+VectorXd TrajectoryProblem::as_unknowns(const VectorXd& coordinates) const {
+  VectorXd out = coordinates(unknowns_);
+  for (std::size_t i = 0; i < unknowns_.size(); ++i) {
+    const auto at = static_cast<Index>(i);
+    if (logarithms_[i]) out[at] = std::log(out[at]);
+  }
+  return out;
+}
+
 VectorXd TrajectoryProblem::values_in(const ParameterSet& parameters) const {
-  return coordinates(parameters)(unknowns_);
+  return as_unknowns(coordinates(parameters));
 }
 
 ParameterSet TrajectoryProblem::with_values(const ParameterSet& parameters,
                                             const VectorXd& p) const {
   VectorXd all = coordinates(parameters);
-  all(unknowns_) = p;
+  for (std::size_t i = 0; i < unknowns_.size(); ++i) {
+    const double value = p[static_cast<Index>(i)];
+    const Index entry = unknowns_[i];
+    all[entry] =
+        logarithms_[i] ? std::clamp(std::exp(value), box_.lower[entry], box_.upper[entry]) : value;
+  }
   return with_coordinates(parameters, all);
 }
 
@@ -84,14 +105,17 @@ void TrajectoryProblem::take_delays() {
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
     const Dataset& data = recordings_[r];
     const double tolerance = nodes_[r].tolerance;
-    nodes_[r] = tolerance > 0.0 ? controlled_nodes(data.time, inputs_at(model, at_, data),
-                                                   model.inputs, tolerance)
-                                : nodes_with(model, at_, data, nodes_[r].steps);
+    nodes_[r] = tolerance > 0.0 ? controlled_recording_nodes(model, at_, data, tolerance)
+                                : recording_nodes(model, at_, data, nodes_[r].steps);
   }
 }
 
 void TrajectoryProblem::set_parameters_to(const VectorXd& p) {
   at_ = with_values(at_, p);
+  for (std::size_t i = 0; i < unknowns_.size(); ++i) {
+    const auto at = static_cast<Index>(i);
+    if (logarithms_[i]) slope_[at] = std::exp(p[at]);
+  }
   set_parameters(equations(), memory_, formula_parameters(as_formulas(model_), at_));
   take_delays();
   const auto np = static_cast<Index>(unknowns_.size());
@@ -107,6 +131,7 @@ void TrajectoryProblem::set_parameters_to(const VectorXd& p) {
       const auto unknown = static_cast<std::size_t>(i);
       x0_by_unknowns_[r].col(i) = from.wrt_x * by[static_cast<std::size_t>(unknowns_[unknown])].x0;
       if (column_[unknown] >= 0) x0_by_unknowns_[r].col(i) += from.wrt_p.col(column_[unknown]);
+      x0_by_unknowns_[r].col(i) *= slope_[i];
     }
   }
 }
@@ -123,7 +148,7 @@ std::vector<int> TrajectoryProblem::explicit_steps(std::size_t recording, const 
   MatrixXd ends(states.rows(), data.size() - 1);
   VectorXd before(states.rows());
   for (int doubling = 0; doubling <= kMostDoublings; ++doubling) {
-    const InputNodes nodes = nodes_with(model, at_, data, same_steps(data, 1 << doubling));
+    const InputNodes nodes = recording_nodes(model, at_, data, same_steps(data, 1 << doubling));
     bool all = true;
     for (std::size_t k = 0; k < intervals; ++k) {
       if (steps[k] > 0) continue;
@@ -155,11 +180,9 @@ void TrajectoryProblem::choose_steps(const VectorXd& p, const MatrixXd& states,
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
     const std::vector<int> steps = explicit_steps(r, states, scale, tolerance);
     const Dataset& data = recordings_[r];
-    const InputPath path = as_formulas(model_).inputs;
     nodes_[r] = steps.empty()
-                    ? controlled_nodes(data.time, inputs_at(as_formulas(model_), at_, data), path,
-                                       kControlled)
-                    : nodes_with(as_formulas(model_), at_, data, steps);
+                    ? controlled_recording_nodes(as_formulas(model_), at_, data, kControlled)
+                    : recording_nodes(as_formulas(model_), at_, data, steps);
   }
 }
 
@@ -267,7 +290,8 @@ void TrajectoryProblem::look_at(std::size_t recording, Index sample,
 void TrajectoryProblem::add_columns(const MatrixXd& from, Index of, double factor, MatrixXd& to,
                                     Index row) const {
   for (std::size_t j = 0; j < column_.size(); ++j) {
-    if (column_[j] >= 0) to(row, static_cast<Index>(j)) += factor * from(of, column_[j]);
+    const auto at = static_cast<Index>(j);
+    if (column_[j] >= 0) to(row, at) += factor * slope_[at] * from(of, column_[j]);
   }
 }
 
@@ -410,9 +434,8 @@ ChainedLeastSquares TrajectoryProblem::problem() {
                         std::vector<ChainLink>& links) {
     return write_links(states, p, with_derivatives, links);
   };
-  const Box box = coordinate_box(model_.parameters);
-  out.lower = box.lower(unknowns_);
-  out.upper = box.upper(unknowns_);
+  out.lower = as_unknowns(box_.lower);
+  out.upper = as_unknowns(box_.upper);
   return out;
 }
 

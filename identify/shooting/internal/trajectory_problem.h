@@ -12,8 +12,8 @@
 
 namespace identikal {
 
-/// States at all samples of recordings, one after the other, and the unknowns that they move by. The
-/// residuals are
+/// States at all samples of recordings, one after the other, and the unknowns that they move by.
+/// The residuals are
 ///
 ///   (y(k) - h(x(k))) / output_sd   of what was measured,
 ///   (F(x(k)) - x(k+1)) / step_sd   from each sample to the next, F being the motion between them,
@@ -26,7 +26,8 @@ class TrajectoryProblem {
   /// @param model  of formulas; its start has no variance
   TrajectoryProblem(const Model& model, const std::vector<Dataset>& recordings);
 
-  /// Coordinates of the model's parameters that move trajectories; p below are their values.
+  /// Coordinates of the model's parameters that move trajectories; p below are their values, or the
+  /// logarithms of those.
   const std::vector<Eigen::Index>& unknowns() const { return unknowns_; }
   Eigen::Index states() const { return equations().states; }
   Eigen::Index samples() const { return samples_; }
@@ -34,6 +35,12 @@ class TrajectoryProblem {
 
   /// Does one of the unknowns move a state, over the first samples?
   bool moves_states();
+
+  /// From here on p has the logarithms of what is scattered by logarithms (scattered_start.h): what
+  /// may be decades off has valleys that are straight in these.
+  void take_logarithms();
+  /// Of each of p: is it a logarithm?
+  const std::vector<bool>& logarithms() const { return logarithms_; }
 
   /// The values of p in a set of parameters, and the other way round.
   Eigen::VectorXd values_in(const ParameterSet& parameters) const;
@@ -72,6 +79,7 @@ class TrajectoryProblem {
   std::vector<int> explicit_steps(std::size_t recording, const Eigen::MatrixXd& states,
                                   const Eigen::VectorXd& scale, double tolerance);
   void set_parameters_to(const Eigen::VectorXd& p);
+  Eigen::VectorXd as_unknowns(const Eigen::VectorXd& coordinates) const;
   // Inputs as they are with these delays, where a model has any.
   void take_delays();
   bool write_links(const Eigen::MatrixXd& states, const Eigen::VectorXd& p, bool with_derivatives,
@@ -95,7 +103,10 @@ class TrajectoryProblem {
   const std::vector<Dataset>& recordings_;
   std::vector<Eigen::Index> unknowns_;
   std::vector<Eigen::Index> column_;  // of each in the derivatives of the formulas; -1: none
-  std::vector<Eigen::Index> first_;   // sample of each recording
+  const Box box_;
+  std::vector<bool> logarithms_;
+  Eigen::VectorXd slope_;            // of each unknown's value, by p
+  std::vector<Eigen::Index> first_;  // sample of each recording
   std::vector<InputNodes> nodes_;
   Eigen::Index samples_ = 0;
   ParameterSet at_;

@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 
 constexpr int kRadauStages = 3;
 constexpr int kMostIterations = 12;      // of Newton's method in a step
-constexpr int kMostTrials = 2000;        // steps, rejected ones included, in an interval
+constexpr int kMostTrials = 20000;       // steps, rejected ones included, in an interval
 constexpr double kShortestStep = 1e-14;  // of the interval
 // The same: what is off by no more than such a step is off by nothing. At a kink of the rates from a
 // state that is exactly zero, no step is small against what it has moved.

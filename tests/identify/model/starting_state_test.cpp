@@ -164,11 +164,11 @@ TEST(StartingState, MistakesAreShownWhereTheyStand) {
   EXPECT_THAT(gene_refusal(text), StartsWith("gene.yaml:10:"));
   EXPECT_THAT(gene_refusal(text),
               ::testing::HasSubstr("a steady state of dynamics that move with the time"));
-  text = gene("steady-state");
+  text = gene("steady-state", "process: {kind: density, sd: {m: 0.05}}, ");
   text.replace(text.find("a: d*amount"), 11, "a: m*amount");
-  EXPECT_THAT(
-      gene_refusal(text),
-      StartsWith("gene.yaml:9:12: 'm' is a state; expected inputs, parameters, the time t"));
+  EXPECT_THAT(gene_refusal(text),
+              StartsWith("gene.yaml:12:18: noise that moves states beside a dose that holds a "
+                         "state; expected states that follow from their start alone"));
 }
 
 }  // namespace
