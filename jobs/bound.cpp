@@ -68,13 +68,13 @@ Outcome bound(const BoundRequest& request, Call& call) {
     recordings.add({*planned}, files, range, call.inputs);
   }
   check_options(request, nonlinear);
+  if (request.inputs.empty() && !model.recordings.empty()) {
+    throw InputError({model.source, 0, 0}, "the bound of parameters with values in recordings",
+                     "a recording of the inputs, by whose name they are known");
+  }
   if (!planned && (nonlinear || !request.signals.empty())) {
     refuse_twice("--input", request.signals);
     planned = signal_inputs(model, request.signals, request.rows);
-  }
-  if (!planned && !model.recordings.empty()) {
-    throw InputError({model.source, 0, 0}, "the bound of parameters with values in recordings",
-                     "a recording of the inputs, by whose name they are known");
   }
   if (planned) {
     take_period(model, *planned);

@@ -336,7 +336,7 @@ std::vector<std::string> metadata_above(const char* begin, const Layout& layout)
   return metadata;
 }
 
-// --- Header ---
+// --- Header and rows ---
 
 void read_name(const std::string& cell, Column& column) {
   column.header = column.name = cell;

@@ -36,8 +36,7 @@ class TrajectoryProblem {
   /// Does one of the unknowns move a state, over the first samples?
   bool moves_states();
 
-  /// From here on p has the logarithms of what is scattered by logarithms (scattered_start.h): what
-  /// may be decades off has valleys that are straight in these.
+  /// From here on p has the logarithms of what moves by them (lib/model/parameter.h).
   void take_logarithms();
   /// Of each of p: is it a logarithm?
   const std::vector<bool>& logarithms() const { return logarithms_; }
