@@ -149,7 +149,9 @@ int sensitivities_of(int count, double t, N_Vector y, N_Vector, N_Vector* s, N_V
   return 0;
 }
 
-Path by_cvodes(const NonlinearModel& model, const Problem& problem, double tolerance) {
+// @param size  nx: the largest that each state has been, a thousandth of which counts as in ours
+Path by_cvodes(const NonlinearModel& model, const Problem& problem, double tolerance,
+               const VectorXd& size) {
   Context context{model, make_memory(model)};
   set_parameters(model, context.memory, problem.p);
   SUNContext sun = nullptr;
@@ -157,10 +159,8 @@ Path by_cvodes(const NonlinearModel& model, const Problem& problem, double toler
   const Index nx = model.states;
   N_Vector y = N_VNew_Serial(nx, sun), absolute = N_VNew_Serial(nx, sun);
   std::copy_n(problem.x0.data(), nx, N_VGetArrayPointer(y));
-  // As the controlled steps have it: a thousandth of the largest that a state has been.
-  const Path size = ours(model, problem, 1e-6);
   for (Index i = 0; i < nx; ++i) {
-    N_VGetArrayPointer(absolute)[i] = tolerance * 1e-3 * size.x.row(i).cwiseAbs().maxCoeff();
+    N_VGetArrayPointer(absolute)[i] = tolerance * 1e-3 * size[i];
   }
   void* solver = CVodeCreate(CV_BDF, sun);
   CVodeInit(solver, rates_of, 0.0, y);
@@ -240,11 +240,13 @@ int main() {
   for (const Problem& problem : problems()) {
     const NonlinearModel model = model_of(problem);
     const Path exact = ours(model, problem, 1e-11);
+    const VectorXd size = exact.x.cwiseAbs().rowwise().maxCoeff();
     for (const double tolerance : {1e-6, 1e-9}) {
       const double here = least_milliseconds([&] { ours(model, problem, tolerance); });
-      const double there = least_milliseconds([&] { by_cvodes(model, problem, tolerance); });
+      const double there = least_milliseconds([&] { by_cvodes(model, problem, tolerance, size); });
       const auto [own, own_slopes] = errors_of(ours(model, problem, tolerance), exact);
-      const auto [other, other_slopes] = errors_of(by_cvodes(model, problem, tolerance), exact);
+      const auto [other, other_slopes] =
+          errors_of(by_cvodes(model, problem, tolerance, size), exact);
       std::printf("%-22s %9.0e %10.3f  %.1e (%.1e) %10.3f  %.1e (%.1e) %8.2f\n", problem.name,
                   tolerance, here, own, own_slopes, there, other, other_slopes, here / there);
     }
