@@ -72,6 +72,7 @@ Equilibrium equilibrium(const NonlinearModel& model, ModelMemory& memory,
                   MatrixXd::Zero(model.states, model.columns)};
   evaluate_rates(model, memory, out.x.data(), u.data(), 0.0);
   double interval = first_interval(out.x, memory.rate.head(model.states));
+  if (!std::isfinite(interval)) return out;  // from there it leads nowhere
   MatrixXd held(model.inputs, 2);
   held.colwise() = u;
   const VectorXd sizes = parameter_sizes(model, memory);

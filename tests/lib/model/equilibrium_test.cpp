@@ -67,6 +67,13 @@ TEST(Equilibrium, IsTheOneThatTheMotionReaches) {
   }
 }
 
+TEST(Equilibrium, IsNotFoundFromWhereThereAreNoNumbers) {
+  const Written written{{"x"}, {}, {"k"}, {"-k*x"}, {"x"}, {}, true};
+  for (const double x : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    EXPECT_FALSE(rest_of(written, numbers({1.0}), numbers({x})).found);
+  }
+}
+
 TEST(Equilibrium, IsNotFoundWhereNothingComesToRest) {
   const Written runaway{{"x"}, {}, {"a"}, {"a*x"}, {"x"}, {}, true};
   EXPECT_FALSE(rest_of(runaway, numbers({0.1}), numbers({1.0})).found);
