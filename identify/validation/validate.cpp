@@ -192,7 +192,10 @@ void test_unseen(const Estimate& result, const Model& model, const std::vector<D
   estimate.tests.clear();
   const bool own_values = std::any_of(recordings.begin(), recordings.end(),
                                       [](const Dataset& data) { return !data.own.empty(); });
-  if (!model.student && !own_values) {
+  if (own_values) {
+    estimate.notes.emplace_back(
+        "no score test of the estimates, as parameters have values of their own in recordings");
+  } else if (!model.student) {
     if (auto score = unseen.score(model, recordings)) estimate.tests.push_back(std::move(*score));
   }
   if (const ChiSquareStatistic nis = normalised_innovation_squared(all); nis.dof > 0.0) {

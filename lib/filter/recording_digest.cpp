@@ -11,6 +11,7 @@
 #include "lib/filter/internal/digest_segment.h"
 #include "lib/filter/internal/nominal_innovations.h"
 #include "lib/filter/internal/segment.h"
+#include "lib/filter/internal/steady_filter.h"
 
 namespace identikal {
 namespace {

@@ -62,6 +62,25 @@ double log_normal_density(double y, double median, double s) {
   return -0.5 * e * e - std::log(s * y) - 0.5 * std::log(2.0 * M_PI);
 }
 
+void expect_slopes_of_differences(const Model& model, const std::vector<Dataset>& all,
+                                  double tolerance) {
+  RecordingsLikelihood likelihood(model, all);
+  const Likelihood exact = *likelihood.evaluate(model.parameters, true);
+  const VectorXd at = coordinates(model.parameters);
+  for (Index i = 0; i < at.size(); ++i) {
+    VectorXd moved = at;
+    const double h = 1e-5 * at[i];
+    moved[i] = at[i] + h;
+    const double above =
+        likelihood.evaluate(with_coordinates(model.parameters, moved), false)->value;
+    moved[i] = at[i] - h;
+    const double below =
+        likelihood.evaluate(with_coordinates(model.parameters, moved), false)->value;
+    const double slope = (above - below) / (2.0 * h);
+    EXPECT_NEAR(exact.gradient[i], slope, tolerance * (1.0 + std::abs(slope))) << i;
+  }
+}
+
 TEST(Conditions, LogarithmsHaveTheDensityOfWhatWasMeasured) {
   const VectorXd time = VectorXd::LinSpaced(12, 0.0, 3.3);
   for (const std::string& word : {std::string("log"), std::string("log10")}) {
@@ -129,19 +148,7 @@ TEST(Conditions, RowsAtInfinityAreInTheSteadyState) {
   RecordingsLikelihood likelihood(model, all);
   const Likelihood exact = *likelihood.evaluate(model.parameters, true);
   EXPECT_NEAR(exact.value, expected, 1e-6 * std::abs(expected));
-  const VectorXd at = coordinates(model.parameters);
-  for (Index i = 0; i < at.size(); ++i) {
-    VectorXd moved = at;
-    const double h = 1e-5 * at[i];
-    moved[i] = at[i] + h;
-    const double above =
-        likelihood.evaluate(with_coordinates(model.parameters, moved), false)->value;
-    moved[i] = at[i] - h;
-    const double below =
-        likelihood.evaluate(with_coordinates(model.parameters, moved), false)->value;
-    const double slope = (above - below) / (2.0 * h);
-    EXPECT_NEAR(exact.gradient[i], slope, 1e-5 * (1.0 + std::abs(slope))) << i;
-  }
+  expect_slopes_of_differences(model, all, 1e-5);
 }
 
 TEST(Conditions, InfinityIsSaidByTheModelFile) {
@@ -183,19 +190,7 @@ TEST(Conditions, DosesMayDependOnTheState) {
   RecordingsLikelihood likelihood(model, all);
   const Likelihood exact = *likelihood.evaluate(model.parameters, true);
   EXPECT_NEAR(exact.value, expected, 1e-6);
-  const VectorXd at = coordinates(model.parameters);
-  for (Index i = 0; i < at.size(); ++i) {
-    VectorXd moved = at;
-    const double h = 1e-5 * at[i];
-    moved[i] = at[i] + h;
-    const double above =
-        likelihood.evaluate(with_coordinates(model.parameters, moved), false)->value;
-    moved[i] = at[i] - h;
-    const double below =
-        likelihood.evaluate(with_coordinates(model.parameters, moved), false)->value;
-    const double slope = (above - below) / (2.0 * h);
-    EXPECT_NEAR(exact.gradient[i], slope, 2e-5 * (1.0 + std::abs(slope))) << i;
-  }
+  expect_slopes_of_differences(model, all, 2e-5);
 }
 
 TEST(Conditions, ScaleSaysByWhatASearchMoves) {
