@@ -32,7 +32,8 @@ LeadingSamples leading_samples(const Model& model, const ParameterSet& parameter
 
 /// log p(y(t) | y(1), ..., y(t-1)) of every sample with normal noise, N; 0 where nothing was
 /// measured, NaN before a diffuse start is determined.
-/// @param filter  with Keep::everything where there are several outputs
+/// Of transformed outputs, the density of what was recorded.
+/// @param filter  of this recording, with Keep::everything where there are several outputs
 Eigen::VectorXd log_likelihood_by_row(const FilterResult& filter, const Dataset& data);
 
 /// log p(y(k+1), ... | y(1), ..., y(k)) of a result; NaN where it does not say.

@@ -357,17 +357,20 @@ class FormulaReader {
   }
 
   void refuse_time_in_dynamics() const {
-    const int time = first_parameter_ + formulas_.parameters;
     const YamlNode& node = *find(root_, "dynamics");
     for (std::size_t i = 0; i < formulas_.dynamics.size(); ++i) {
-      for (const Expression::Node& each : formulas_.dynamics[i].nodes) {
-        if (each.op != Op::symbol || !holds(each.symbol, [&](int s) { return s == time; }))
-          continue;
-        const YamlNode& formula = *find(node, out_.states[i].name);
-        throw InputError(place_in(formula, each.column),
-                         "a steady state of dynamics that move with the time",
-                         "dynamics of states, inputs and parameters");
-      }
+      refuse_time(*find(node, out_.states[i].name), formulas_.dynamics[i],
+                  "a steady state of dynamics that move with the time",
+                  "dynamics of states, inputs and parameters");
+    }
+  }
+
+  void refuse_time(const YamlNode& node, const Expression& formula, const char* what,
+                   const char* expected) const {
+    const int time = first_parameter_ + formulas_.parameters;
+    for (const Expression::Node& each : formula.nodes) {
+      if (each.op != Op::symbol || !holds(each.symbol, [&](int s) { return s == time; })) continue;
+      throw InputError(place_in(node, each.column), what, expected);
     }
   }
 
@@ -452,6 +455,11 @@ class FormulaReader {
       }
       const YamlNode own = equals == nullptr ? *channel_names(node)[i] : *equals;
       formulas_.outputs.push_back(formula(own, in_quotes(channel.name)));
+      if (out_.time.infinite) {
+        refuse_time(own, formulas_.outputs.back(),
+                    "an output that moves with the time, at infinity",
+                    "outputs of states, inputs and parameters");
+      }
       const bool says = find(node.items[i], "wrap") != nullptr;
       if (!says && is_of_a_turn(formulas_.outputs.back(), channel)) channel.wraps = true;
       Dimension dimension;

@@ -81,6 +81,15 @@ void expect_slopes_of_differences(const Model& model, const std::vector<Dataset>
   }
 }
 
+void expect_refused(const std::string& text, const std::string& expected) {
+  try {
+    parse_model_file(text, "a.yaml");
+    ADD_FAILURE() << "not refused: " << text;
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr(expected));
+  }
+}
+
 TEST(Conditions, LogarithmsHaveTheDensityOfWhatWasMeasured) {
   const VectorXd time = VectorXd::LinSpaced(12, 0.0, 3.3);
   for (const std::string& word : {std::string("log"), std::string("log10")}) {
@@ -119,17 +128,9 @@ TEST(Conditions, WhatHasNoLogarithmIsRefused) {
   EXPECT_THROW(recording(model, MatrixXd::Zero(1, 3), SampleTimes(VectorXd{{0.0, 1.0, 2.0}}),
                          MatrixXd::Zero(1, 3)),
                std::invalid_argument);
-  const auto refused = [](const std::string& text, const std::string& expected) {
-    try {
-      parse_model_file(text, "a.yaml");
-      ADD_FAILURE() << "not refused: " << text;
-    } catch (const InputError& error) {
-      EXPECT_THAT(error.what(), HasSubstr(expected));
-    }
-  };
-  refused(fading("equals: x, transform: root"), "transform");
-  refused(fading("equals: x, transform: log, scale: 2"), "scale");
-  refused(fading("equals: 'atan2(x, 1)', wrap: true, transform: log"), "wraps");
+  expect_refused(fading("equals: x, transform: root"), "transform");
+  expect_refused(fading("equals: x, transform: log, scale: 2"), "scale");
+  expect_refused(fading("equals: 'atan2(x, 1)', wrap: true, transform: log"), "wraps");
 }
 
 // x' = k (u - x) has the steady state u.
@@ -152,18 +153,11 @@ TEST(Conditions, RowsAtInfinityAreInTheSteadyState) {
 }
 
 TEST(Conditions, InfinityIsSaidByTheModelFile) {
-  const auto refused = [](const std::string& text, const std::string& expected) {
-    try {
-      parse_model_file(text, "a.yaml");
-      ADD_FAILURE() << "not refused: " << text;
-    } catch (const InputError& error) {
-      EXPECT_THAT(error.what(), HasSubstr(expected));
-    }
-  };
-  refused(fading("equals: x", ", infinity: steady-state", "-k*x + sin(t)/1000"), "time");
+  expect_refused(fading("equals: x", ", infinity: steady-state", "-k*x + sin(t)/1000"), "time");
+  expect_refused(fading("equals: x + t/1000", ", infinity: steady-state"), "at infinity");
   std::string noisy = fading("equals: x", ", infinity: steady-state");
   noisy.replace(noisy.find("noise: {"), 8, "noise: {process: {kind: density, sd: {x: 0.1}}, ");
-  refused(noisy, "noise");
+  expect_refused(noisy, "noise");
 }
 
 // What is in a tank is poured away at a row: x+ = x - x.
