@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <vector>
@@ -157,14 +158,43 @@ VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vect
   }
 }
 
+constexpr double kUndefined = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNearby = 1.0;  // gain of a step, in units of log-likelihood
+
 // What became of one step.
 struct Trial {
   Point next;
   double gain = 0.0, predicted = 0.0;
   bool accepted = false;
-  bool good = false;     // the step may be damped less
-  bool stalled = false;  // nothing moved any more
+  bool good = false;       // the step may be damped less
+  bool stalled = false;    // nothing moved any more
+  double overshoot = 0.0;  // how far the likelihood falls again behind it: the slopes' ratio
 };
+
+// The step by the logarithms of what cannot be negative, where it would make it less: scoring is as
+// right there, and a variance that is decades too large comes down by factors instead of to zero.
+VectorXd shrunk(const LikelihoodProblem& problem, const VectorXd& x, VectorXd step) {
+  constexpr double kFarthest = 6.0;
+  for (Index i = 0; i < x.size(); ++i) {
+    if (problem.lower[i] != 0.0 || !(x[i] > 0.0) || !(step[i] < 0.0)) continue;
+    step[i] = x[i] * std::expm1(std::max(step[i] / x[i], -kFarthest));
+  }
+  return step;
+}
+
+// Where on the way between two points the likelihood is highest, by the cubic through values and
+// slopes.
+double highest_between(const Point& from, const Point& to) {
+  if (!std::isfinite(to.L) || !to.gradient.allFinite()) return 0.0;
+  const VectorXd way = to.x - from.x;
+  const double g0 = -from.gradient.dot(way), g1 = -to.gradient.dot(way);
+  const double d1 = g0 + g1 + 3.0 * (to.L - from.L);
+  const double root = d1 * d1 - g0 * g1;
+  if (!(root >= 0.0) || !(g0 < 0.0)) return 0.0;
+  const double d2 = std::sqrt(root);
+  const double share = 1.0 - (g1 + d2 - d1) / (g1 - g0 + 2.0 * d2);
+  return share < 0.9 ? share : 0.0;
+}
 
 // @param factor  how many times as far: the gain of the step itself is what is predicted
 Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd& curvature,
@@ -177,11 +207,13 @@ Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd
   const VectorXd moved = next.x - at.x;
   if (!problem.evaluate(next.x, next.L, &next.gradient, &next.information) ||
       !std::isfinite(next.L)) {
+    next.L = kUndefined;
     return out;
   }
   // Near the maximum the increase drowns in the rounding of L; then the gradient decides.
   const double rounding = 1e-14 * (1.0 + std::abs(at.L));
   out.gain = next.L - at.L;
+  out.overshoot = -next.gradient.dot(moved) / at.gradient.dot(moved);
   const bool small = predicted < 1e3 * rounding && out.gain > -1e3 * rounding;
   // Far from the maximum the quadratic overrates a good step by orders of magnitude (a variance
   // much too small), so a gain that counts in units of log-likelihood is enough.
@@ -207,8 +239,8 @@ class RecentGains {
   std::size_t steps_ = 0;
 };
 
-// How far a step goes: less far behind one that did not gain, and farther behind several in a row
-// that gained more than they promised.
+// How far a step goes: less far behind one that did not gain or went past the highest place on its
+// way, and farther behind several in a row that gained more than they promised.
 class Damping {
  public:
   double lambda = 0.0;  // added to the information
@@ -218,18 +250,48 @@ class Damping {
     if (trial.good) lambda = lambda < 1e-3 ? 0.0 : lambda / 8.0;
     const bool short_of = trial.gain > kMoreThanPromised * trial.predicted && lambda == 0.0;
     in_a_row_ = short_of ? in_a_row_ + 1 : 0;
-    factor = in_a_row_ >= kInARow ? std::min(2.0 * factor, kLongest) : 1.0;
+    if (trial.overshoot > kPast) {
+      factor = std::max(kShortest, std::min(1.0, factor) / (1.0 + trial.overshoot));
+    } else if (factor < 1.0) {
+      factor = trial.gain < kNearby ? 1.0 : std::min(1.0, 2.0 * factor);
+    } else {
+      factor = in_a_row_ >= kInARow ? std::min(2.0 * factor, kLongest) : 1.0;
+    }
   }
   void shorten() {
-    if (factor == 1.0) lambda = std::max(1e-2, 4.0 * lambda);
+    if (factor <= 1.0) lambda = std::max(1e-2, 4.0 * lambda);
     factor = 1.0;
   }
 
  private:
   static constexpr double kMoreThanPromised = 1.3, kLongest = 64.0;
+  static constexpr double kPast = 0.25, kShortest = 0.1;
   static constexpr int kInARow = 3;
   int in_a_row_ = 0;
 };
+
+// Of a step that did not gain: to where the likelihood is highest on the way, or, where it falls at
+// once, as with a variance that comes to nothing, by factors.
+std::optional<Trial> amended_step(const LikelihoodProblem& problem, const Point& at,
+                                  const MatrixXd& curvature, VectorXd step, const Trial& failed,
+                                  Damping& damping, SolverSummary& summary) {
+  constexpr double kLeast = 0.1;  // of the way, or of the step
+  if (damping.factor > 1.0) return std::nullopt;
+  double factor = damping.factor * highest_between(at, failed.next);
+  const bool shorter = factor > kLeast * damping.factor;
+  if (!shorter) {
+    const VectorXd by_factors = shrunk(problem, at.x, step);
+    const double change = (by_factors - step).cwiseAbs().maxCoeff();
+    if (!(change > kLeast * step.cwiseAbs().maxCoeff())) return std::nullopt;
+    step = by_factors;
+    factor = 1.0;
+  }
+  const Trial trial = try_step(problem, at, curvature, step, factor);
+  ++summary.evaluations;
+  if (!trial.accepted) return std::nullopt;
+  if (shorter) damping.factor = factor;
+  return trial;
+}
 
 // A step that gains, shortened until it does; nothing where that takes more than `most`.
 std::optional<Trial> accepted_step(const LikelihoodProblem& problem, const Point& at,
@@ -237,12 +299,23 @@ std::optional<Trial> accepted_step(const LikelihoodProblem& problem, const Point
                                    const std::function<VectorXd()>& damped_step, double most,
                                    Damping& damping, SolverSummary& summary) {
   do {
-    Trial trial = try_step(problem, at, curvature, damped_step(), damping.factor);
+    const VectorXd step = damped_step();
+    Trial trial = try_step(problem, at, curvature, step, damping.factor);
     ++summary.evaluations;
     if (trial.accepted) return trial;
+    if (const std::optional<Trial> other =
+            amended_step(problem, at, curvature, step, trial, damping, summary)) {
+      return other;
+    }
     damping.shorten();
   } while (damping.lambda <= most);
   return std::nullopt;
+}
+
+// A step that changes some coordinate by more than a share of itself.
+bool is_far(const VectorXd& from, const VectorXd& to) {
+  constexpr double kShare = 0.5;
+  return ((to - from).array().abs() > kShare * from.array().abs()).any();
 }
 
 }  // namespace
@@ -304,8 +377,16 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     }
 
     const auto step = [&] { return boxed_step(problem, model, free, corrected, damping.lambda); };
+    // What has been learnt from afar may mislead.
+    const bool may_mislead = learnt && system.expected_gain(at.gradient, options.flat) > kNearby;
+    const double most_damping = may_mislead ? 0.0 : arrived ? 1.0 : 1e12;
     std::optional<Trial> trial =
-        accepted_step(problem, at, model.information, step, arrived ? 1.0 : 1e12, damping, summary);
+        accepted_step(problem, at, model.information, step, most_damping, damping, summary);
+    if (!trial && may_mislead) {
+      correction.forget();
+      damping.lambda = 0.0;
+      continue;
+    }
     if (!trial) {
       const std::vector<Index> rest = that_matter(problem, at, free, acceptable);
       if (!rest.empty() &&
@@ -325,7 +406,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     }
     damping.learn(*trial);
     // Curvature far from the maximum is not worth keeping.
-    if (trial->gain > 1.0) {
+    if (trial->gain > kNearby && is_far(at.x, trial->next.x)) {
       correction.forget();
     } else {
       const Point& next = trial->next;

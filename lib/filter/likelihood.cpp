@@ -5,8 +5,10 @@
 #include <stdexcept>
 
 #include "lib/base/constants.h"
+#include "lib/filter/internal/common_factor.h"
 #include "lib/filter/internal/digest_segment.h"
 #include "lib/filter/internal/direct_kernel.h"
+#include "lib/filter/internal/independent_parts.h"
 #include "lib/filter/internal/nominal_innovations.h"
 #include "lib/filter/internal/recursion.h"
 #include "lib/filter/internal/segment.h"
@@ -71,10 +73,37 @@ bool is_vague(const StateSpace& model, InitialState initial) {
 }  // namespace
 
 struct LikelihoodEngine::Recordings {
+  // An independent part of the model, with its outputs of every recording.
+  struct Part {
+    IndependentPart of;
+    std::vector<MatrixXd> y;
+    LikelihoodEngine engine;
+    StateSpace model;
+    std::vector<StateSpace> derivatives;
+    std::vector<Index> parameters;  // that the derivatives are by
+  };
+  IndependentParts linked;
+  std::vector<std::unique_ptr<Part>> parts;
+
+  bool falls_apart(const StateSpace& model, InitialState initial,
+                   const std::vector<StateSpace>& derivatives);
+  std::unique_ptr<Part> make_part(const IndependentPart& of) const;
+  FilterStatus add_part(Part& part, const StateSpace& whole, InitialState initial,
+                        const std::vector<StateSpace>& derivatives, EvaluationMethod method);
+  void add_parts(const StateSpace& model, InitialState initial,
+                 const std::vector<StateSpace>& derivatives, EvaluationMethod method);
+  void add_all(const StateSpace& model, InitialState initial,
+               const std::vector<StateSpace>& derivatives, EvaluationMethod method);
+
   std::vector<Recording> all;
   std::unique_ptr<SegmentKernel> kernel;
   Index kernel_states = -1;
   TangentFilter tangents;
+  // Where one parameter's derivatives follow from the others': theirs.
+  std::optional<VectorXd> factor;
+  std::size_t left_out = 0;
+  std::vector<StateSpace> others;
+  Likelihood of_others;
   Likelihood result;
   EvaluationTaken taken;
 
@@ -83,6 +112,8 @@ struct LikelihoodEngine::Recordings {
   void prepare_sums(Recording& recording, const StateSpace& model);
   void make_nominal(const Recording& recording, Segment& segment, const StateSpace& model);
   bool add_gapless(Recording& recording, const StateSpace& model, InitialState initial);
+  void prepare_tangents(const StateSpace& model, InitialState initial,
+                        const std::vector<StateSpace>& derivatives, bool by_kernel);
   FilterStatus add_by_tangents(const Recording& recording, InitialState initial, bool by_kernel);
   FilterStatus add_by_recursion(Recording& recording, const StateSpace& model, InitialState initial,
                                 const std::vector<StateSpace>& derivatives, bool by_kernel,
@@ -150,6 +181,7 @@ void LikelihoodEngine::add_recording(const MatrixXd& y, const MatrixXd& u) {
     throw std::invalid_argument("likelihood: recordings differ in their channels");
   }
   recordings_->all.push_back(prepare(y, u));
+  recordings_->linked = {};
 }
 
 void LikelihoodEngine::add_digest(const RecordingDigest& digest) {
@@ -162,6 +194,7 @@ void LikelihoodEngine::add_digest(const RecordingDigest& digest) {
       digest.inputs, digest.samples};
   out.segments.push_back(segment_of(digest));
   recordings_->all.push_back(std::move(out));
+  recordings_->linked = {};
 }
 
 MatrixXd LikelihoodEngine::score_products(const StateSpace& model, InitialState initial,
@@ -291,12 +324,45 @@ FallbackReason LikelihoodEngine::Recordings::fallback_of(bool late, bool rejecte
   return rejected ? FallbackReason::cancellation : FallbackReason::short_segment;
 }
 
+// One parameter is left out where that spares the filter a block of lanes, or half of one.
+void LikelihoodEngine::Recordings::prepare_tangents(const StateSpace& model, InitialState initial,
+                                                    const std::vector<StateSpace>& derivatives,
+                                                    bool by_kernel) {
+  const auto lanes = [](std::size_t k) {
+    const auto in_block = static_cast<std::size_t>(simd::tangent_lanes(static_cast<int>(k)));
+    return in_block * (k / in_block + 1);
+  };
+  const std::size_t k = derivatives.size();
+  factor.reset();
+  if (k > 1 && lanes(k - 1) < lanes(k) && initial == InitialState::diffuse && !by_kernel) {
+    factor = common_factor(model, derivatives);
+  }
+  if (!factor) {
+    tangents.prepare(model, derivatives);
+    return;
+  }
+  left_out = largest_share(model, derivatives, *factor);
+  others.resize(k - 1);
+  for (std::size_t i = 0, to = 0; i < k; ++i) {
+    if (i != left_out) others[to++] = derivatives[i];
+  }
+  tangents.prepare(model, others);
+}
+
 // Value, gradient and information sample by sample, whatever is missing.
 FilterStatus LikelihoodEngine::Recordings::add_by_tangents(const Recording& recording,
                                                            InitialState initial, bool by_kernel) {
+  if (factor) {
+    of_others.value = 0.0;
+    of_others.gradient.setZero(factor->size() - 1);
+    of_others.information.setZero(factor->size() - 1, factor->size() - 1);
+  }
   const FilterStatus status = tangents.run({*recording.y, *recording.u, recording.presence,
                                             recording.segments, by_kernel ? kernel.get() : nullptr},
-                                           initial, result);
+                                           initial, factor ? of_others : result);
+  if (factor && status == FilterStatus::ok) {
+    add_completed(of_others, tangents.factor_sums(), *factor, left_out, result);
+  }
   jumped = tangents.served_by_kernel();
   if (by_kernel && jumped < recording.rows) {
     taken.fallback = fallback_of(tangents.diffuse_start_came_late(), tangents.kernel_rejected());
@@ -324,6 +390,132 @@ FilterStatus LikelihoodEngine::Recordings::add_by_recursion(
   return FilterStatus::ok;
 }
 
+// Does every part hold outputs of its own? Of a digest they are not to be had apart.
+bool LikelihoodEngine::Recordings::falls_apart(const StateSpace& model, InitialState initial,
+                                               const std::vector<StateSpace>& derivatives) {
+  if (model.outputs() == 1 || initial == InitialState::partly_diffuse) return false;
+  if (linked.link(model, initial, derivatives)) {
+    parts.clear();
+    const auto is_digest = [](const Recording& recording) { return recording.is_digest(); };
+    if (linked.is_whole() || std::any_of(all.begin(), all.end(), is_digest)) return false;
+    for (const IndependentPart& of : linked.parts()) parts.push_back(make_part(of));
+  }
+  return !parts.empty();
+}
+
+std::unique_ptr<LikelihoodEngine::Recordings::Part> LikelihoodEngine::Recordings::make_part(
+    const IndependentPart& of) const {
+  auto out = std::make_unique<Part>();
+  out->of = of;
+  for (const Recording& recording : all) {
+    MatrixXd& y = out->y.emplace_back(static_cast<Index>(of.outputs.size()), recording.rows);
+    for (Index i = 0; i < y.rows(); ++i) {
+      y.row(i) = recording.y->row(of.outputs[static_cast<std::size_t>(i)]);
+    }
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) out->engine.add_recording(out->y[i], *all[i].u);
+  return out;
+}
+
+FilterStatus LikelihoodEngine::Recordings::add_part(Part& part, const StateSpace& whole,
+                                                    InitialState initial,
+                                                    const std::vector<StateSpace>& derivatives,
+                                                    EvaluationMethod method) {
+  take_part(part.of, whole, part.model);
+  part.parameters.clear();
+  for (std::size_t i = 0; i < derivatives.size(); ++i) {
+    if (!is_zero_in(part.of, derivatives[i])) part.parameters.push_back(static_cast<Index>(i));
+  }
+  const std::size_t k = part.parameters.size();
+  part.derivatives.resize(k);
+  for (std::size_t i = 0; i < k; ++i) {
+    take_part(part.of, derivatives[static_cast<std::size_t>(part.parameters[i])],
+              part.derivatives[i]);
+  }
+  const Likelihood& one = part.engine.evaluate(part.model, initial, part.derivatives, method);
+  if (one.status != FilterStatus::ok) return one.status;
+  result.value += one.value;
+  for (std::size_t i = 0; i < k; ++i) {
+    const auto row = static_cast<Index>(i);
+    result.gradient[part.parameters[i]] += one.gradient[row];
+    for (std::size_t j = 0; j < k; ++j) {
+      result.information(part.parameters[i], part.parameters[j]) +=
+          one.information(row, static_cast<Index>(j));
+    }
+  }
+  return FilterStatus::ok;
+}
+
+// The path is said of the part that takes the longest one.
+void LikelihoodEngine::Recordings::add_parts(const StateSpace& model, InitialState initial,
+                                             const std::vector<StateSpace>& derivatives,
+                                             EvaluationMethod method) {
+  taken.method = EvaluationMethod::autocovariances;
+  for (const std::unique_ptr<Part>& part : parts) {
+    result.status = add_part(*part, model, initial, derivatives, method);
+    if (result.status != FilterStatus::ok) return;
+    const EvaluationTaken& one = part->engine.evaluation_taken();
+    if (taken.fallback == FallbackReason::none) taken.fallback = one.fallback;
+    if (one.method != EvaluationMethod::autocovariances) taken.method = one.method;
+    taken.pole = std::max(taken.pole, one.pole);
+  }
+}
+
+void LikelihoodEngine::Recordings::add_all(const StateSpace& model, InitialState initial,
+                                           const std::vector<StateSpace>& derivatives,
+                                           EvaluationMethod method) {
+  const auto k = static_cast<Index>(derivatives.size());
+  const bool kernel_may =
+      method == EvaluationMethod::automatic || method == EvaluationMethod::autocovariances;
+  const FallbackReason why = kernel_may ? prepare_kernel(model, initial, derivatives,
+                                                         method != EvaluationMethod::automatic)
+                                        : FallbackReason::not_requested;
+  const bool by_kernel = why == FallbackReason::none;
+  Index total = 0, compressed = 0;
+  bool prepared = false;
+  for (Recording& recording : all) {
+    total += recording.rows;
+    if (by_kernel) {
+      prepare_sums(recording, model);
+      if (add_gapless(recording, model, initial)) {
+        compressed += recording.rows;
+        continue;
+      }
+    }
+    if (recording.is_digest()) {
+      taken.fallback = by_kernel ? FallbackReason::short_segment : why;
+      result.status = FilterStatus::beyond_digest;
+      return;
+    }
+    // Code made for gapless samples and few states needs no derivatives and goes faster without, but
+    // for a stationary start; the full recursion stays the witness of the others.
+    const bool plain = method == EvaluationMethod::time_varying ||
+                       (k == 0 && recording.gapless() && model.states() <= kMostDirectStates &&
+                        !TangentFilter::is_quick_from_stationary(model, initial)) ||
+                       is_vague(model, initial);
+    if (!plain && !prepared) {
+      prepare_tangents(model, initial, derivatives, by_kernel);
+      prepared = true;
+    }
+    const FilterStatus status =
+        plain ? add_by_recursion(recording, model, initial, derivatives, by_kernel,
+                                 method != EvaluationMethod::time_varying)
+              : add_by_tangents(recording, initial, by_kernel);
+    if (status != FilterStatus::ok) {
+      result.status = status;
+      return;
+    }
+    compressed += jumped;
+  }
+  if (!by_kernel) taken.fallback = why;
+  if (2 * compressed > total) {
+    taken.method = EvaluationMethod::autocovariances;
+  } else {
+    taken.method = method == EvaluationMethod::time_varying ? EvaluationMethod::time_varying
+                                                            : EvaluationMethod::steady_state;
+  }
+}
+
 const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialState initial,
                                              const std::vector<StateSpace>& derivatives,
                                              EvaluationMethod method) {
@@ -340,57 +532,14 @@ const Likelihood& LikelihoodEngine::evaluate(const StateSpace& model, InitialSta
   out.gradient.setZero(k);
   out.information.setZero(k, k);
   r.taken = EvaluationTaken{};
-
-  const bool kernel_may =
-      method == EvaluationMethod::automatic || method == EvaluationMethod::autocovariances;
-  const FallbackReason why = kernel_may ? r.prepare_kernel(model, initial, derivatives,
-                                                           method != EvaluationMethod::automatic)
-                                        : FallbackReason::not_requested;
-  const bool by_kernel = why == FallbackReason::none;
-  Index total = 0, compressed = 0;
-  bool prepared = false;
-  for (Recording& recording : r.all) {
-    total += recording.rows;
-    if (by_kernel) {
-      r.prepare_sums(recording, model);
-      if (r.add_gapless(recording, model, initial)) {
-        compressed += recording.rows;
-        continue;
-      }
-    }
-    if (recording.is_digest()) {
-      r.taken.fallback = by_kernel ? FallbackReason::short_segment : why;
-      out.status = FilterStatus::beyond_digest;
-      return out;
-    }
-    // Code made for gapless samples and few states needs no derivatives and goes faster without, but
-    // for a stationary start; the full recursion stays the witness of the others.
-    const bool plain = method == EvaluationMethod::time_varying ||
-                       (k == 0 && recording.gapless() && model.states() <= kMostDirectStates &&
-                        !TangentFilter::is_quick_from_stationary(model, initial)) ||
-                       is_vague(model, initial);
-    if (!plain && !prepared) {
-      r.tangents.prepare(model, derivatives);
-      prepared = true;
-    }
-    const FilterStatus status =
-        plain ? r.add_by_recursion(recording, model, initial, derivatives, by_kernel,
-                                   method != EvaluationMethod::time_varying)
-              : r.add_by_tangents(recording, initial, by_kernel);
-    if (status != FilterStatus::ok) {
-      out.status = status;
-      return out;
-    }
-    compressed += r.jumped;
-  }
-  if (!by_kernel) r.taken.fallback = why;
-  if (2 * compressed > total) {
-    r.taken.method = EvaluationMethod::autocovariances;
+  // The full recursion stays the witness of the others.
+  if (method != EvaluationMethod::time_varying && r.falls_apart(model, initial, derivatives)) {
+    r.add_parts(model, initial, derivatives, method);
   } else {
-    r.taken.method = method == EvaluationMethod::time_varying ? EvaluationMethod::time_varying
-                                                              : EvaluationMethod::steady_state;
+    r.add_all(model, initial, derivatives, method);
   }
-  if (!(std::isfinite(out.value) && out.gradient.allFinite() && out.information.allFinite())) {
+  if (out.status == FilterStatus::ok &&
+      !(std::isfinite(out.value) && out.gradient.allFinite() && out.information.allFinite())) {
     out.status = FilterStatus::not_finite;
   }
   return out;

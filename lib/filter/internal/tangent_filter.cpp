@@ -111,6 +111,7 @@ void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpac
   fill_common();
   for (Pattern& p : patterns_) {
     p.ready = false;
+    p.in_vain = 0;
     for (Passage& passage : p.passages) passage.known = false;
   }
 }
@@ -263,6 +264,7 @@ void TangentFilter::reserve() {
     lay_out(s.first_Sigma, m);
     lay_out(r.gradient, all);
     lay_out(r.information, (1 + derivatives_->size()) * all);
+    lay_out(r.half_traces, all);
     lay_out(r.delta_information, d * d * all);
     lay_out(r.delta_score, d * all);
   };
@@ -311,7 +313,8 @@ bool TangentFilter::start_register(StationaryStart& start) {
 FilterStatus TangentFilter::begin(InitialState initial) {
   diffuse_ = initial == InitialState::diffuse || initial == InitialState::partly_diffuse;
   rejected_ = late_ = false;
-  samples_ = folded_ = jumped_ = 0;
+  samples_ = folded_ = jumped_ = until_folded_ = 0;
+  start_squares_ = 0.0;
   e_sd_.setZero(ny_);
   if (diffuse_) return start_diffuse(initial);
   scale_.resize(0);
@@ -365,7 +368,8 @@ FilterStatus TangentFilter::go_on(const TangentRecording& recording, const Prese
   if (!p.ready) fill_pattern(p, channels_[part.pattern]);
   if (diffuse_) return run_diffuse(p, recording, t, end, out);
   if (end - t <= kLongestPassage && recording.presence.parts.size() > 1) {
-    return run_passage(p, recording, t, end, out);
+    if (p.in_vain < kPatience) return run_passage(p, recording, t, end, out);
+    if (++p.in_vain == kPatience + kRest) p.in_vain = 0;
   }
   return run_stretch(p, recording, t, end, out);
 }
@@ -600,6 +604,8 @@ bool TangentFilter::fold_in(Likelihood& out) {
     set_vector(run_.x, 1 + i, sensitivities_[i].Z.col(0));
   }
   folded_ = d;
+  until_folded_ = samples_;
+  start_squares_ = start_.score.dot(start_.information.llt().solve(start_.score));
   diffuse_ = false;
   return true;
 }
@@ -657,6 +663,13 @@ void TangentFilter::add_sums(Likelihood& out) const {
       if (i != j) out.information(column, row) += sum;
     }
   }
+}
+
+FactorSums TangentFilter::factor_sums() const {
+  FactorSums out{run_.squares - start_squares_, samples_ - folded_, samples_ - until_folded_, {}};
+  out.half_traces.resize(static_cast<Index>(derivatives_->size()));
+  for (Index i = 0; i < out.half_traces.size(); ++i) out.half_traces[i] = run_.half_traces[i + 1];
+  return out;
 }
 
 }  // namespace identikal

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "lib/filter/filter_result.h"
+#include "lib/filter/internal/common_factor.h"
 #include "lib/filter/internal/diffuse_start.h"
 #include "lib/filter/internal/moved_entries.h"
 #include "lib/filter/internal/presence.h"
@@ -68,6 +69,7 @@ class TangentFilter {
   void go_back_to(const Predicted& state);
 
   // Of the last run.
+  FactorSums factor_sums() const;  ///< of a diffuse start, without a kernel
   Eigen::Index served_by_kernel() const { return jumped_; }  ///< samples
   bool kernel_rejected() const { return rejected_; }         ///< a segment
   bool diffuse_start_came_late() const { return late_; }     ///< for a segment
@@ -77,6 +79,9 @@ class TangentFilter {
   // comes back to the same beginning, as it does between outputs at different rates, they serve
   // again.
   static constexpr Eigen::Index kLongestPassage = 16;  // samples
+  // So many that did not come back, and the next are not asked: to keep them takes as long as to
+  // filter.
+  static constexpr int kPatience = 32, kRest = 256;
   struct Passage {
     bool known = false;
     std::vector<double> begin, end;  // P and its derivatives
@@ -88,6 +93,7 @@ class TangentFilter {
     bool ready = false;
     simd::TangentModel model;
     std::vector<Passage> passages;  // by number of samples
+    int in_vain = 0;                // passages since one came back, or was looked for
     std::vector<int> C_row, C_column;
     std::vector<double> C;
     MovedEntries C_theta;
@@ -167,6 +173,9 @@ class TangentFilter {
   bool diffuse_ = false, rejected_ = false, late_ = false;
   bool stationary_ = false;  // all that follows goes on from a stationary start, with all outputs
   Eigen::Index samples_ = 0, folded_ = 0, jumped_ = 0;
+  // Where a diffuse start ended: values until then, and the squares that it explains.
+  Eigen::Index until_folded_ = 0;
+  double start_squares_ = 0.0;
 };
 
 }  // namespace identikal

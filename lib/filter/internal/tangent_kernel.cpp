@@ -62,6 +62,7 @@ HWY_AFTER_NAMESPACE();
 
 #include "lib/filter/internal/tangent_dynamics.h"
 #include "lib/filter/internal/tangent_products.h"
+#include "lib/filter/internal/tangent_scores.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace identikal::simd {
@@ -146,6 +147,13 @@ HWY_INLINE void FindGain(const TangentModel& f, TangentRun& r) {
   }
 }
 
+// M of them, or as many as the model says; kUnseen: a sample without any.
+constexpr int kUnseen = -1;
+template <int M>
+HWY_INLINE int Outputs(const TangentModel& f) {
+  return M > 0 ? M : M == kUnseen ? 0 : f.m;
+}
+
 // E = y - D u - C x, column by column; the responses to a diffuse start know neither y nor u.
 template <int W, int N, int M>
 HWY_INLINE void Innovate(const TangentModel& f, TangentRun& r, const double* y, const double* u) {
@@ -196,7 +204,7 @@ HWY_INLINE void Weigh(const TangentModel& f, TangentRun& r, long t) {
 
 template <int W, int N, int M>
 HWY_INLINE void AdvanceStates(const TangentModel& f, TangentRun& r, const double* u) {
-  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const int n = N > 0 ? N : f.n, m = Outputs<M>(f);
   for (int b = 0; b < f.blocks; ++b) {
     const double* K_theta = r.K_theta + b * n * m * W;
     for (int c = 0; c < r.columns; ++c) {
@@ -227,71 +235,6 @@ HWY_INLINE void AdvanceStates(const TangentModel& f, TangentRun& r, const double
     }
   }
   std::swap(r.x, r.next_x);
-}
-
-// The derivatives of the sample's log-density, and what they owe to Sigma and e in units of the
-// innovations' standard deviations.
-template <int W, int M>
-HWY_INLINE void AddScore(const TangentModel& f, TangentRun& r, bool with_Sigma) {
-  constexpr double kRootHalf = 0.70710678118654752440;
-  const int m = M > 0 ? M : f.m, stride = f.blocks * W;
-  for (int b = 0; b < f.blocks; ++b) {
-    const double *Sigma = r.Sigma + b * m * m * W, *E = r.E + b * r.columns * m * W;
-    Pack<W> score = Pack<W>::Load(r.gradient + b * W);
-    for (int a = 0; a < m; ++a) {
-      score.Subtract(r.Sie[a], Pack<W>::Load(E + a * W));
-      for (int c = 0; c <= a; ++c) {
-        const double weight = r.Sigma_inverse[a * m + c] - r.Sie[a] * r.Sie[c];
-        score.Subtract(a == c ? 0.5 * weight : weight, Pack<W>::Load(Sigma + (a * m + c) * W));
-      }
-    }
-    score.Store(r.gradient + b * W);
-    if (!r.informed) continue;
-    double* white = r.white + b * W;
-    for (int a = 0; a < m; ++a, white += stride) {
-      Pack<W> z = Pack<W>::Zero();
-      for (int c = 0; c <= a; ++c) z.Add(r.L_inverse[a * m + c], Pack<W>::Load(E + c * W));
-      z.Store(white);
-    }
-    if (!with_Sigma) continue;
-    double* half = r.work + m * m;  // L^-1 dSigma
-    for (int a = 0; a < m; ++a) {
-      for (int c = 0; c < m; ++c) {
-        Pack<W> sum = Pack<W>::Zero();
-        for (int k = 0; k <= a; ++k) {
-          sum.Add(r.L_inverse[a * m + k], Pack<W>::Load(Sigma + (k * m + c) * W));
-        }
-        sum.Store(half + (a * m + c) * W);
-      }
-    }
-    for (int a = 0; a < m; ++a) {
-      for (int c = 0; c <= a; ++c, white += stride) {
-        const double root = a == c ? kRootHalf : 1.0;
-        Pack<W> sum = Pack<W>::Zero();
-        for (int k = 0; k <= c; ++k) {
-          sum.Add(root * r.L_inverse[c * m + k], Pack<W>::Load(half + (a * m + k) * W));
-        }
-        sum.Store(white);
-      }
-    }
-  }
-}
-
-template <int W>
-HWY_INLINE void AddInformation(const TangentModel& f, TangentRun& r, int rows, double factor) {
-  const int stride = f.blocks * W;
-  for (int b = 0; b < f.blocks; ++b) {
-    const double* white = r.white + b * W;
-    // Both triangles of the blocks on the diagonal, the lower one of the others.
-    for (int i = std::max(1, b * W); i <= f.derivatives; ++i) {
-      double* to = r.information + i * stride + b * W;
-      Pack<W> sum = Pack<W>::Load(to);
-      for (int q = 0; q < rows; ++q) {
-        sum.Add(factor * r.white[q * stride + i], Pack<W>::Load(white + q * stride));
-      }
-      sum.Store(to);
-    }
-  }
 }
 
 // What the sample says about a diffuse start, and its derivatives.
@@ -439,7 +382,7 @@ HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
 // P+ in all lanes.
 template <int W, int N, int M>
 HWY_INLINE void AdvanceCovariance(const TangentModel& f, TangentRun& r, int b) {
-  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const int n = N > 0 ? N : f.n, m = Outputs<M>(f);
   const double* T = r.T + b * n * n * W;
   double *next = r.next_P + b * n * n * W, *KR = r.PC + b * n * m * W;  // P C' has been used
   for (int i = 0; i < n; ++i) {
@@ -538,7 +481,10 @@ TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, co
     Weigh<W, M>(f, r, t);
     if (f.derivatives > 0) {
       AddScore<W, M>(f, r, true);
-      if (r.informed) AddInformation<W>(f, r, m + m * (m + 1) / 2, 1.0);
+      if (r.informed) {
+        AddInformation<W>(f, r, m + m * (m + 1) / 2, 1.0);
+        AddTraces<W>(f, r, m, 1.0);
+      }
     }
     if (r.columns > 1) AddDelta<W>(f, r);
     // Block 0 first: the others need F P of its first lanes.
@@ -556,6 +502,21 @@ TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, co
     if (settled) return TangentEnd::settled;
   }
   return TangentEnd::done;
+}
+
+// Samples of which nothing was measured: F = A, and nothing is added to the sums.
+template <int W, int N>
+void RunUnseen(const TangentModel& f, TangentRun& r, const double* u, long& t, long end) {
+  const int n = N > 0 ? N : f.n;
+  for (int at = 0; at < f.row[n]; ++at) r.F[at] = f.A[at];
+  for (; t < end; ++t) {
+    for (int b = 0; b < f.blocks; ++b) {
+      MultiplyByF<W, N>(f, r, r.P + b * n * n * W, r.T + b * n * n * W);
+    }
+    for (int b = 0; b < f.blocks; ++b) AdvanceCovariance<W, N, kUnseen>(f, r, b);
+    AdvanceStates<W, N, kUnseen>(f, r, u + t * f.nu);
+    std::swap(r.P, r.next_P);
+  }
 }
 
 template <int W, int N, int M>
@@ -581,6 +542,7 @@ void RunSettled(const TangentModel& f, TangentRun& r, const double* y, int ny, c
   r.gradient = r.white_lanes;
   AddScore<W, M>(f, r, true);
   r.gradient = gradient;
+  AddTraces<W>(f, r, m, samples);
   r.white += m * f.blocks * W;
   AddInformation<W>(f, r, m * (m + 1) / 2, samples);
   r.white -= m * f.blocks * W;
@@ -589,6 +551,10 @@ void RunSettled(const TangentModel& f, TangentRun& r, const double* y, int ny, c
 template <int W, int N>
 TangentEnd RunOutputs(const TangentModel& f, TangentRun& r, const double* y, int ny,
                       const double* u, long& t, long end, bool stop_when_settled) {
+  if (f.m == 0) {
+    RunUnseen<W, N>(f, r, u, t, end);
+    return TangentEnd::done;
+  }
   if (f.m == 1) return Run<W, N, 1>(f, r, y, ny, u, t, end, stop_when_settled);
   if constexpr (N > 1) {
     if (f.m == 2) return Run<W, N, 2>(f, r, y, ny, u, t, end, stop_when_settled);

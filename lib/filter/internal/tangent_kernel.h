@@ -69,6 +69,7 @@ struct TangentRun {
   // Sums.
   double* gradient = nullptr;     ///< blocks * lanes
   double* information = nullptr;  ///< (1 + derivatives) x blocks * lanes
+  double* half_traces = nullptr;  ///< blocks * lanes: 1/2 tr(Sigma^-1 dSigma) of informed samples
   double *delta_information = nullptr,
          *delta_score = nullptr;  ///< of the columns behind the first, in lanes
   double squares = 0.0, log_det = 0.0, determinant = 1.0;

@@ -63,6 +63,7 @@ FilterStatus TangentFilter::run_passage(Pattern& p, const TangentRecording& reco
   const std::size_t size = static_cast<std::size_t>(n_ * n_) * lanes_ * blocks_;
   const bool watched = recording.store != nullptr || recording.score_products != nullptr;
   const bool same = passage.known && comes_back(passage);
+  p.in_vain = same ? 0 : p.in_vain + 1;
   if (!same) {
     passage.begin.assign(run_.P, run_.P + size);
     passage.gains.resize(gain_size(p) * static_cast<std::size_t>(end - t));

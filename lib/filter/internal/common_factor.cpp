@@ -1,0 +1,105 @@
+#include "lib/filter/internal/common_factor.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/QR>
+
+namespace identikal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+// Entries of Q, R and S that are not zero everywhere: of the derivatives, and of the model behind them.
+MatrixXd noise_entries(const StateSpace& model, const std::vector<StateSpace>& derivatives) {
+  const auto k = static_cast<Index>(derivatives.size());
+  std::vector<double> rows;
+  const auto take = [&](const MatrixXd StateSpace::*matrix) {
+    const MatrixXd& M = model.*matrix;
+    for (Index at = 0; at < M.size(); ++at) {
+      const auto begin = static_cast<Index>(rows.size());
+      double largest = std::abs(M.data()[at]);
+      for (const StateSpace& d : derivatives) {
+        rows.push_back((d.*matrix).data()[at]);
+        largest = std::max(largest, std::abs(rows.back()));
+      }
+      rows.push_back(M.data()[at]);
+      if (largest == 0.0) rows.resize(static_cast<std::size_t>(begin));
+    }
+  };
+  take(&StateSpace::Q), take(&StateSpace::R), take(&StateSpace::S);
+  return Eigen::Map<MatrixXd>(rows.data(), k + 1, static_cast<Index>(rows.size()) / (k + 1))
+      .transpose();
+}
+
+}  // namespace
+
+std::optional<VectorXd> common_factor(const StateSpace& model,
+                                      const std::vector<StateSpace>& derivatives) {
+  constexpr double kRounding = 1e-14;
+  if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) return std::nullopt;
+  MatrixXd entries = noise_entries(model, derivatives);
+  const auto k = static_cast<Index>(derivatives.size());
+  if (entries.rows() < k || !entries.allFinite()) return std::nullopt;
+  // An entry of 1e-12 counts as much as one of 1e12.
+  for (Index i = 0; i < entries.rows(); ++i) entries.row(i) /= entries.row(i).cwiseAbs().maxCoeff();
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(entries.leftCols(k));
+  if (qr.rank() < k) return std::nullopt;
+  const VectorXd weights = qr.solve(entries.col(k));
+  for (Index i = 0; i < entries.rows(); ++i) {
+    const auto terms = (entries.row(i).head(k).transpose().array() * weights.array()).eval();
+    const double size = std::max(terms.abs().maxCoeff(), std::abs(entries(i, k)));
+    if (!(std::abs(terms.sum() - entries(i, k)) <= kRounding * size)) return std::nullopt;
+  }
+  return weights;
+}
+
+std::size_t largest_share(const StateSpace& model, const std::vector<StateSpace>& derivatives,
+                          const VectorXd& weights) {
+  const MatrixXd CG = model.C * model.G;
+  const auto size = [&CG](const StateSpace& of) {
+    return VectorXd((CG * of.Q).cwiseProduct(CG).rowwise().sum() + of.R.diagonal());
+  };
+  const VectorXd all = size(model);
+  std::size_t best = 0;
+  double largest = -1.0;
+  for (std::size_t i = 0; i < derivatives.size(); ++i) {
+    const VectorXd share = weights[static_cast<Index>(i)] * size(derivatives[i]);
+    const double sum = (all.array() > 0.0).select(share.cwiseQuotient(all), 0.0).sum();
+    if (sum > largest) best = i, largest = sum;
+  }
+  return best;
+}
+
+void add_completed(const Likelihood& of_others, const FactorSums& sums, const VectorXd& weights,
+                   std::size_t left_out, Likelihood& out) {
+  const Index k = weights.size(), last = static_cast<Index>(left_out);
+  std::vector<Index> others;
+  for (Index i = 0; i < k; ++i) {
+    if (i != last) others.push_back(i);
+  }
+  const VectorXd w = weights(others);
+  const double by = weights[last];
+  const MatrixXd& I = of_others.information;
+  const VectorXd row = (sums.half_traces - I * w) / by;
+  const double half_trace =
+      (0.5 * static_cast<double>(sums.informed) - w.dot(sums.half_traces)) / by;
+  out.value += of_others.value;
+  for (Index i = 0; i < k - 1; ++i) {
+    const Index at = others[static_cast<std::size_t>(i)];
+    out.gradient[at] += of_others.gradient[i];
+    for (Index j = 0; j < k - 1; ++j) {
+      out.information(at, others[static_cast<std::size_t>(j)]) += I(i, j);
+    }
+    out.information(at, last) += row[i];
+    out.information(last, at) += row[i];
+  }
+  out.information(last, last) += (half_trace - w.dot(row)) / by;
+  out.gradient[last] +=
+      (0.5 * (sums.squares - static_cast<double>(sums.values)) - w.dot(of_others.gradient)) / by;
+}
+
+}  // namespace identikal
