@@ -34,6 +34,8 @@ class CurvatureCorrection {
   void scale(const Eigen::VectorXd& ratio);
 
   void forget() { E_.setZero(); }
+  /// Is nothing known?
+  bool is_empty() const { return E_.isZero(0.0); }
 
   /// The information with E added, as long as that is, on every combination of free coordinates, no
   /// less than a tenth of the information, where steps would grow too long, and no more than a

@@ -196,6 +196,10 @@ double highest_between(const Point& from, const Point& to) {
   return share < 0.9 ? share : 0.0;
 }
 
+bool is_inside(const LikelihoodProblem& problem, const VectorXd& x) {
+  return (x.array() > problem.lower.array()).all() && (x.array() < problem.upper.array()).all();
+}
+
 // @param factor  how many times as far: the gain of the step itself is what is predicted
 Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd& curvature,
                const VectorXd& step, double factor) {
@@ -213,7 +217,10 @@ Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd
   // Near the maximum the increase drowns in the rounding of L; then the gradient decides.
   const double rounding = 1e-14 * (1.0 + std::abs(at.L));
   out.gain = next.L - at.L;
-  out.overshoot = -next.gradient.dot(moved) / at.gradient.dot(moved);
+  // A bound ends the way before its highest place, and slopes there say nothing about it.
+  if (is_inside(problem, next.x)) {
+    out.overshoot = -next.gradient.dot(moved) / at.gradient.dot(moved);
+  }
   const bool small = predicted < 1e3 * rounding && out.gain > -1e3 * rounding;
   // Far from the maximum the quadratic overrates a good step by orders of magnitude (a variance
   // much too small), so a gain that counts in units of log-likelihood is enough.
@@ -265,7 +272,7 @@ class Damping {
 
  private:
   static constexpr double kMoreThanPromised = 1.3, kLongest = 64.0;
-  static constexpr double kPast = 0.25, kShortest = 0.1;
+  static constexpr double kPast = 0.5, kShortest = 0.1;
   static constexpr int kInARow = 3;
   int in_a_row_ = 0;
 };
@@ -377,8 +384,10 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     }
 
     const auto step = [&] { return boxed_step(problem, model, free, corrected, damping.lambda); };
-    // What has been learnt from afar may mislead.
-    const bool may_mislead = learnt && system.expected_gain(at.gradient, options.flat) > kNearby;
+    const bool corrects = learnt && !correction.is_empty();
+    if (corrects) damping.factor = std::max(1.0, damping.factor);  // it knows the step's length
+    // But what has been learnt from afar may mislead.
+    const bool may_mislead = corrects && system.expected_gain(at.gradient, options.flat) > kNearby;
     const double most_damping = may_mislead ? 0.0 : arrived ? 1.0 : 1e12;
     std::optional<Trial> trial =
         accepted_step(problem, at, model.information, step, most_damping, damping, summary);

@@ -150,6 +150,52 @@ TEST(Scoring, DoesNotCrawlWhereStepsPromiseTooLittle) {
   EXPECT_LT(solution.summary.evaluations, 100);  // one by one: several hundred
 }
 
+// Information a fifth of the curvature that there is, far from the maximum and near it, as where the
+// noise is not what the model says: steps that are five times too long, one way and back.
+TEST(Scoring, DoesNotGoBackAndForthWhereStepsAreTooLong) {
+  for (const double samples : {1.0, 1e4}) {
+    LikelihoodProblem p;
+    p.lower = VectorXd::Constant(2, -kInfinity);
+    p.upper = VectorXd::Constant(2, kInfinity);
+    const MatrixXd curvature = samples * MatrixXd{{5.0, 2.0}, {2.0, 1.0}};
+    p.evaluate = [&](const VectorXd& x, double& L, VectorXd* g, MatrixXd* J) {
+      const double bend = 1.0 + 0.1 * std::sin(x[0]);
+      L = -0.5 * bend * x.dot(curvature * x);
+      if (g != nullptr) {
+        *g = -bend * curvature * x;
+        (*g)[0] -= 0.05 * std::cos(x[0]) * x.dot(curvature * x);
+      }
+      if (J != nullptr) *J = 0.2 * curvature;
+      return true;
+    };
+    const Solution solution = maximise(p, VectorXd{{30.0, -70.0}});
+    printf("information too small by 5, %g samples: %d evaluations\n", samples,
+           solution.summary.evaluations);
+    EXPECT_TRUE(solution.summary.usable());
+    EXPECT_NEAR(solution.summary.objective, 0.0, 1e-4);
+    EXPECT_LT(solution.summary.evaluations, 40);
+  }
+}
+
+// A variance a thousand times too large beside one that is right, at an information that sends it to
+// zero, where there is no likelihood to speak of.
+TEST(Scoring, AVarianceThatIsDecadesTooLargeComesDownByFactors) {
+  LikelihoodProblem p;
+  p.lower = VectorXd::Zero(1);
+  p.upper = VectorXd::Constant(1, kInfinity);
+  p.evaluate = [](const VectorXd& x, double& L, VectorXd* g, MatrixXd* J) {
+    const double v = std::max(x[0], 1e-9);
+    L = -500.0 * (std::log(v) + 1.0 / v);
+    if (g != nullptr) *g = VectorXd::Constant(1, -500.0 / v * (1.0 - 1.0 / v));
+    if (J != nullptr) *J = MatrixXd::Constant(1, 1, 100.0 / (v * v));
+    return true;
+  };
+  const Solution solution = maximise(p, VectorXd::Constant(1, 1000.0));
+  printf("from a thousand times too much: %d evaluations\n", solution.summary.evaluations);
+  EXPECT_NEAR(solution.x[0], 1.0, 1e-3);
+  EXPECT_LT(solution.summary.evaluations, 40);
+}
+
 TEST(Scoring, SaysWhyItStopped) {
   const LikelihoodProblem p = variances(MatrixXd::Identity(1, 1), VectorXd::Ones(1), 10);
   EXPECT_EQ(maximise(p, VectorXd::Zero(1)).summary.termination, Termination::start_undefined);

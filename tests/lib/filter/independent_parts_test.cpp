@@ -120,7 +120,7 @@ SplitCase random_split_case(std::uint64_t seed, Index N) {
   return out;
 }
 
-double relative(const MatrixXd& a, const MatrixXd& b) {
+double relative_change(const MatrixXd& a, const MatrixXd& b) {
   return (a - b).cwiseAbs().maxCoeff() / std::max(1e-300, b.cwiseAbs().maxCoeff());
 }
 
@@ -137,7 +137,7 @@ TEST(IndependentParts, AreFoundWhateverTheOrder) {
 TEST(IndependentParts, TheirLikelihoodsAreThatOfTheWhole) {
   double value = 0.0, gradient = 0.0;
   int compared = 0;
-  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const SplitCase c = random_split_case(seed, 1500);
     for (const InitialState initial :
          {InitialState::given, InitialState::stationary, InitialState::diffuse}) {
@@ -152,13 +152,13 @@ TEST(IndependentParts, TheirLikelihoodsAreThatOfTheWhole) {
       if (b.status != FilterStatus::ok) continue;
       ++compared;
       value = std::max(value, std::abs(a.value / b.value - 1.0));
-      gradient = std::max(gradient, relative(a.gradient, b.gradient));
-      EXPECT_LT(relative(a.information, b.information), 0.2) << seed;
+      gradient = std::max(gradient, relative_change(a.gradient, b.gradient));
+      EXPECT_LT(relative_change(a.information, b.information), 0.2) << seed;
     }
   }
   printf("%d likelihoods by parts: value to %.1e, gradient to %.1e of the full recursion's\n",
          compared, value, gradient);
-  EXPECT_GT(compared, 100);
+  EXPECT_GT(compared, 50);
   EXPECT_LT(value, 1e-9);
   EXPECT_LT(gradient, 1e-8);
 }
@@ -173,7 +173,7 @@ TEST(IndependentParts, AParameterThatIsZeroNowMayLinkThem) {
   const Likelihood a = engine.evaluate(c.model, InitialState::given, {d});
   const Likelihood b =
       whole.evaluate(c.model, InitialState::given, {d}, EvaluationMethod::time_varying);
-  EXPECT_LT(relative(a.gradient, b.gradient), 1e-8);
+  EXPECT_LT(relative_change(a.gradient, b.gradient), 1e-8);
   IndependentParts parts;
   parts.link(c.model, InitialState::given, {});
   EXPECT_FALSE(parts.is_whole());
