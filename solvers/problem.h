@@ -40,6 +40,10 @@ struct SolverOptions {
   /// Scoring: directions in which the information, scaled to unit diagonal, is below this share of
   /// its largest are not determined, and nothing is expected of them.
   double flat = 1e-9;
+  /// Scoring: the curvature is learnt from steps far from the maximum too. Worth it where information
+  /// and curvature differ by factors, as of noise that is not what a model says; of least squares
+  /// with small residuals it leads astray.
+  bool learn_from_afar = false;
   /// Called after every iteration (NLopt: evaluation) with its number and objective; return false
   /// to stop with the best so far.
   std::function<bool(int, double)> progress;

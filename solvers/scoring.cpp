@@ -160,6 +160,7 @@ VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vect
 
 constexpr double kUndefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNearby = 1.0;  // gain of a step, in units of log-likelihood
+constexpr double kLittle = 1.0;  // damping that is tried where a search has all but ended
 
 // What became of one step.
 struct Trial {
@@ -305,21 +306,24 @@ std::optional<Trial> accepted_step(const LikelihoodProblem& problem, const Point
                                    const MatrixXd& curvature,
                                    const std::function<VectorXd()>& damped_step, double most,
                                    Damping& damping, SolverSummary& summary) {
+  constexpr double kNothing = 1e-10;  // gain that no digits of the likelihood tell
+  bool first = true;
   do {
     const VectorXd step = damped_step();
     Trial trial = try_step(problem, at, curvature, step, damping.factor);
     ++summary.evaluations;
     if (trial.accepted) return trial;
-    if (const std::optional<Trial> other =
-            amended_step(problem, at, curvature, step, trial, damping, summary)) {
-      return other;
-    }
+    if (most <= kLittle && trial.predicted < kNothing) return std::nullopt;
+    std::optional<Trial> other;
+    if (first) other = amended_step(problem, at, curvature, step, trial, damping, summary);
+    if (other) return other;
+    first = false;
     damping.shorten();
   } while (damping.lambda <= most);
   return std::nullopt;
 }
 
-// A step that changes some coordinate by more than a share of itself.
+// A step that changes some coordinate by a large share of itself.
 bool is_far(const VectorXd& from, const VectorXd& to) {
   constexpr double kShare = 0.5;
   return ((to - from).array().abs() > kShare * from.array().abs()).any();
@@ -359,13 +363,17 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     const std::vector<Index> free = free_coordinates(problem, at, held);
     const ScaledSystem system(at.information, free);
     summary.expected_gain = system.expected_gain(at.gradient, kNoInformation);
-    if (summary.expected_gain <= options.decrement_tolerance) {
-      return finish(Termination::converged, "the increase still expected is below the tolerance");
-    }
     Point model = at;
     const std::optional<MatrixXd> learnt = correction.apply(at.information, free);
     if (learnt) model.information = *learnt;
     const ScaledSystem corrected = learnt ? ScaledSystem(*learnt, free) : system;
+    if (summary.expected_gain <= options.decrement_tolerance) {
+      // The step that is left gains nothing worth an evaluation, but digits of x.
+      out.x = (at.x + boxed_step(problem, model, free, corrected, 0.0))
+                  .cwiseMax(problem.lower)
+                  .cwiseMin(problem.upper);
+      return finish(Termination::converged, "the increase still expected is below the tolerance");
+    }
     // What is not determined has no maximum to be away from.
     summary.expected_gain = std::max(system.expected_gain(at.gradient, options.flat),
                                      corrected.expected_gain(at.gradient, options.flat));
@@ -388,7 +396,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     if (corrects) damping.factor = std::max(1.0, damping.factor);  // it knows the step's length
     // But what has been learnt from afar may mislead.
     const bool may_mislead = corrects && system.expected_gain(at.gradient, options.flat) > kNearby;
-    const double most_damping = may_mislead ? 0.0 : arrived ? 1.0 : 1e12;
+    const double most_damping = may_mislead ? 0.0 : arrived ? kLittle : 1e12;
     std::optional<Trial> trial =
         accepted_step(problem, at, model.information, step, most_damping, damping, summary);
     if (!trial && may_mislead) {
@@ -414,8 +422,8 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       return end_short(Termination::no_progress, "no step increases the likelihood");
     }
     damping.learn(*trial);
-    // Curvature far from the maximum is not worth keeping.
-    if (trial->gain > kNearby && is_far(at.x, trial->next.x)) {
+    const bool far = !options.learn_from_afar || is_far(at.x, trial->next.x);
+    if (trial->gain > kNearby && far) {
       correction.forget();
     } else {
       const Point& next = trial->next;

@@ -41,9 +41,10 @@ class TestResultsOfVersion1(unittest.TestCase):
         self.assertIn("REJECTED: not optimal", run("export", self.old / "check", "--to", "c", code=0).stdout)
         self.assertEqual("rejected", json.loads(run("export", self.old / "check", "--to", "json", code=0).stdout)["status"]["code"])
         old, new = (json.loads(run("validate", r, NILE[1], "--json").stdout) for r in (self.old / "nile", now))
+        # The earlier search ended 5e-8 from the maximum (NoiseMl.NileToTenDigits has its digits).
         for a, b in zip(old["tests"], new["tests"], strict=True):
             self.assertEqual((a["id"], a["pass"]), (b["id"], b["pass"]))
-            self.assertAlmostEqual(a["value"], b["value"], delta=1e-9 * abs(b["value"]) + 1e-12)
+            self.assertAlmostEqual(a["value"], b["value"], delta=5e-8 * abs(b["value"]) + 1e-12)
         # Likelihoods of diffuse starts compare behind their first samples, of which version 1 says nothing.
         refused = run("compare", self.old / "nile", now, code=2).stderr
         self.assertIn("which determine a diffuse start; expected results of this version", refused)

@@ -99,7 +99,7 @@ def test_page(tuned):
 
 def test_export(tuned):
     for form in ("cpp", "c", "matlab", "python", "yaml", "json"):
-        assert "1469.1764310278" in tuned.export(form)
+        assert "1469.176360" in tuned.export(form)
     with pytest.raises(ik.InputError, match="fortran"):
         tuned.export("fortran")
 

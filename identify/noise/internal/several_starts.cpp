@@ -76,6 +76,7 @@ SolverOptions search_options() {
   SolverOptions out;
   out.decrement_tolerance = 1e-13;
   out.acceptable_decrement = kNegligible;
+  out.learn_from_afar = true;
   return out;
 }
 
@@ -124,14 +125,14 @@ bool may_be_zero(const LikelihoodProblem& problem, const Point& at, Index i) {
 
 // Does the end of the first search leave a doubt that it is the only maximum? Of variances alone,
 // all of them well above zero, it hardly ever is not.
-bool is_doubted(const Model& model, const LikelihoodProblem& problem, const Solution& first) {
-  if (!first.summary.usable() || !only_noise_is_free(model)) return true;
-  if ((first.x.array() <= problem.lower.array()).any() ||
-      (first.x.array() >= problem.upper.array()).any()) {
+bool is_doubted(const Model& model, const LikelihoodProblem& problem,
+                const std::optional<Point>& end) {
+  if (!end || !only_noise_is_free(model)) return true;
+  if ((end->x.array() <= problem.lower.array()).any() ||
+      (end->x.array() >= problem.upper.array()).any()) {
     return true;
   }
-  const std::optional<Point> end = point_at(problem, first.x);
-  if (!end || !every_coordinate_matters(*end)) return true;
+  if (!every_coordinate_matters(*end)) return true;
   for (Index i = 0; i < end->x.size(); ++i) {
     if (may_be_zero(problem, *end, i)) return true;
   }
@@ -157,11 +158,11 @@ std::optional<VectorXd> with_variance_raised(const LikelihoodProblem& problem, c
 }
 
 // Such places for each variance at zero, and where there are several, for all of them together.
-std::vector<VectorXd> variances_raised(const LikelihoodProblem& problem, const Solution& end,
-                                       double samples, bool together) {
+std::vector<VectorXd> variances_raised(const LikelihoodProblem& problem,
+                                       const std::optional<Point>& found, double samples,
+                                       bool together) {
   constexpr std::size_t kMost = 6;
   std::vector<VectorXd> out;
-  const std::optional<Point> found = end.summary.usable() ? point_at(problem, end.x) : std::nullopt;
   if (!found) return out;
   VectorXd all = found->x;
   for (Index i = 0; i < all.size() && out.size() < kMost; ++i) {
@@ -344,12 +345,12 @@ class Searches {
     out.solution = {roots_.to(end.x).cwiseMax(problem.lower).cwiseMin(problem.upper), end.summary};
   }
 
-  // Within half a standard error, as the quadratic about the maximum has it.
+  // Within a standard error, as the quadratic about the maximum has it.
   static bool is_beside(const Point& known, const VectorXd& x, double L) {
-    constexpr double kNear = 0.25;
+    constexpr double kNear = 0.5;  // in units of log-likelihood
     const VectorXd d = x - known.x;
     const bool no_higher = L < known.L + kSameMaximum;
-    return no_higher && known.L - L < kNear && d.dot(known.information * d) < kNear;
+    return no_higher && known.L - L < kNear && 0.5 * d.dot(known.information * d) < kNear;
   }
 
   // What may be decades off by its logarithm. A simulation's start may be far from where its noise
@@ -446,10 +447,7 @@ bool is_better(const SolverSummary& than, const SolverSummary& one) {
 // The searches from starts `from` .. count - 1, some at a time.
 void run_others(Searches& searches, RecordingsLikelihood& likelihood,
                 const LikelihoodProblem& problem, const FactorCoordinates& factors, int threads,
-                std::size_t from, std::vector<Search>& all) {
-  const Solution& first = all[0].solution;
-  const std::optional<Point> known =
-      first.summary.usable() ? point_at(problem, first.x) : std::nullopt;
+                std::size_t from, const std::optional<Point>& known, std::vector<Search>& all) {
   const auto others = static_cast<int>(all.size() - from);
   const bool cheap = likelihood.is_cheap();
   in_parallel(others, cheap ? 1 : threads, [&](int i) {
@@ -527,23 +525,30 @@ std::vector<Search> search_all(Searches& searches, RecordingsLikelihood& likelih
                                const NoiseMlOptions& options, SeveralStarts& out) {
   std::vector<Search> all;
   all.push_back(searches.run(problem, 0, std::nullopt));
+  const auto point_of = [&](const Search& search) {
+    const Solution& end = search.solution;
+    return end.summary.usable() ? point_at(problem, end.x) : std::nullopt;
+  };
   const bool free_choice = options.starts == 0, around = searches.look_around();
-  if (free_choice && !is_doubted(likelihood.model(), problem, all[0].solution)) return all;
+  const bool alone = !free_choice && searches.size() == 1 && !around;
+  const std::optional<Point> first = alone ? std::nullopt : point_of(all[0]);
+  if (free_choice && !is_doubted(likelihood.model(), problem, first)) return all;
   const bool directed = free_choice && !around && only_noise_is_free(likelihood.model());
   // Where roots must stay outside the unit circle, and of variances at zero, a better maximum is a
   // better place to look around.
   for (int round = 0; round < kSearchRounds && !searches.stopped(); ++round) {
     if (searches.size() == 1 && !around) break;
     const std::size_t before = all.size();
-    const Solution from = all[best_of(all)].solution;
+    const std::size_t best = best_of(all);
+    const Solution from = all[best].solution;
     if (directed) {
-      const std::vector<VectorXd> places =
-          variances_raised(problem, from, likelihood.samples(), round == 0);
+      const std::vector<VectorXd> places = variances_raised(
+          problem, best == 0 ? first : point_of(all[best]), likelihood.samples(), round == 0);
       round == 0 ? searches.begin_at(places) : searches.add(places);
     }
     out.evaluations += searches.choose_others(problem, from.x, round);
     all.resize(searches.size());
-    run_others(searches, likelihood, problem, factors, options.threads, before, all);
+    run_others(searches, likelihood, problem, factors, options.threads, before, first, all);
     const bool better =
         all[best_of(all)].solution.summary.objective > from.summary.objective + kSameMaximum;
     if (!(around || directed) || !free_choice || !better) break;

@@ -116,14 +116,17 @@ void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpac
   }
 }
 
-// Entries of F = A - K C: where A has one, and all of the columns that an output sees. Of a model that
-// changes, all.
+// Entries of F = A - K C: where A has one, and all of the columns that an output sees; and those of A
+// alone. Of a model that changes, all.
 void TangentFilter::find_structure() {
   const bool sparse = n_ > kUnrolled && !changing_;
   row_.assign(1, 0);
+  A_row_.assign(1, 0);
   column_.clear();
+  A_column_.clear();
   for (Index i = 0; i < n_; ++i) {
     for (Index j = 0; j < n_; ++j) {
+      if (changing_ || model_->A(i, j) != 0.0) A_column_.push_back(static_cast<int>(j));
       if (sparse && model_->A(i, j) == 0.0 && model_->C.col(j).isZero(0.0)) continue;
       column_.push_back(static_cast<int>(j));
     }
@@ -131,17 +134,22 @@ void TangentFilter::find_structure() {
       column_.push_back(static_cast<int>(i));
     }
     row_.push_back(static_cast<int>(column_.size()));
+    A_row_.push_back(static_cast<int>(A_column_.size()));
   }
 }
 
 void TangentFilter::fill_A() {
-  A_.clear();
-  for (Index i = 0; i < n_; ++i) {
-    for (int at = row_[static_cast<std::size_t>(i)]; at < row_[static_cast<std::size_t>(i) + 1];
-         ++at) {
-      A_.push_back(model_->A(i, column_[static_cast<std::size_t>(at)]));
+  const auto fill_entries = [this](const std::vector<int>& row, const std::vector<int>& column,
+                                   std::vector<double>& to) {
+    to.clear();
+    for (std::size_t i = 0; i + 1 < row.size(); ++i) {
+      for (int at = row[i]; at < row[i + 1]; ++at) {
+        to.push_back(model_->A(static_cast<Index>(i), column[static_cast<std::size_t>(at)]));
+      }
     }
-  }
+  };
+  fill_entries(row_, column_, A_);
+  fill_entries(A_row_, A_column_, A_entry_);
 }
 
 void TangentFilter::fill_common() {
@@ -185,6 +193,7 @@ simd::TangentModel TangentFilter::common_model() const {
   out.blocks = static_cast<int>(blocks_), out.lanes = static_cast<int>(lanes_);
   out.derivatives = static_cast<int>(derivatives_->size());
   out.row = row_.data(), out.column = column_.data(), out.A = A_.data();
+  out.A_row = A_row_.data(), out.A_column = A_column_.data(), out.A_entry = A_entry_.data();
   out.W = W_.data(), out.B = B_.data();
   out.A_theta_row = A_theta_.row.data(), out.A_theta_column = A_theta_.column.data();
   out.A_theta = dynamics_ ? A_theta_.by.data() : nullptr;

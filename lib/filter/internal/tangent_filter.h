@@ -154,8 +154,8 @@ class TangentFilter {
   Eigen::Index n_ = 0, ny_ = 0, nu_ = 0;
   std::size_t lanes_ = 0, blocks_ = 0;
   bool dynamics_ = false, crossed_ = false, diagonal_R_ = true;
-  std::vector<int> row_, column_;
-  std::vector<double> A_;
+  std::vector<int> row_, column_, A_row_, A_column_;
+  std::vector<double> A_, A_entry_;
   Lanes W_, B_;
   MovedEntries A_theta_;
   std::vector<Eigen::MatrixXd> Sw_;         // G S of the model, then of every derivative

@@ -117,9 +117,9 @@ HWY_INLINE void FindGain(const TangentModel& f, TangentRun& r) {
   for (int i = 0; i < n; ++i) {
     double* k = r.K + i * m;
     for (int a = 0; a < m; ++a) k[a] = f.S != nullptr ? f.S[(i * m + a) * W] : 0.0;
-    for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
-      const double* PC = r.PC + f.column[at] * m * W;
-      for (int a = 0; a < m; ++a) k[a] += f.A[at] * PC[a * W];
+    for (int at = f.A_row[i]; at < f.A_row[i + 1]; ++at) {
+      const double* PC = r.PC + f.A_column[at] * m * W;
+      for (int a = 0; a < m; ++a) k[a] += f.A_entry[at] * PC[a * W];
     }
     for (int a = 0; a < m; ++a) {
       for (int c = 0; c < a; ++c) k[a] -= L[a * m + c] * k[c];
@@ -213,8 +213,8 @@ HWY_INLINE void AdvanceStates(const TangentModel& f, TangentRun& r, const double
       double* next = r.next_x + (b * r.columns + c) * n * W;
       for (int i = 0; i < n; ++i) {
         Pack<W> sum = Pack<W>::Zero();
-        for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
-          sum.Add(f.A[at], Pack<W>::Load(x + f.column[at] * W));
+        for (int at = f.A_row[i]; at < f.A_row[i + 1]; ++at) {
+          sum.Add(f.A_entry[at], Pack<W>::Load(x + f.A_column[at] * W));
         }
         for (int a = 0; a < m; ++a) {
           sum.Add(r.K[i * m + a], Pack<W>::Load(E + a * W));

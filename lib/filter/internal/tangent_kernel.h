@@ -28,6 +28,9 @@ struct TangentModel {
   /// Entries of F that may differ from zero, row by row, and what A has there.
   const int *row = nullptr, *column = nullptr;  ///< n + 1; row[n]
   const double* A = nullptr;                    ///< row[n]
+  /// Those of A alone that do.
+  const int *A_row = nullptr, *A_column = nullptr;  ///< n + 1; A_row[n]
+  const double* A_entry = nullptr;                  ///< A_row[n]
   /// C, row by row.
   const int *C_row = nullptr, *C_column = nullptr;  ///< m + 1; C_row[m]
   const double* C = nullptr;

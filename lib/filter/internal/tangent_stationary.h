@@ -99,8 +99,8 @@ void BeginStationary(const TangentModel& f, TangentRun& r) {
       for (int a = 0; a < m; ++a) {
         Pack<W> sum =
             f.S != nullptr ? Pack<W>::Load(f.S + ((b * n + i) * m + a) * W) : Pack<W>::Zero();
-        for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
-          sum.Add(f.A[at], Pack<W>::Load(seen + (f.column[at] * m + a) * W));
+        for (int at = f.A_row[i]; at < f.A_row[i + 1]; ++at) {
+          sum.Add(f.A_entry[at], Pack<W>::Load(seen + (f.A_column[at] * m + a) * W));
         }
         if (f.A_theta != nullptr) {
           for (int at = f.A_theta_row[i]; at < f.A_theta_row[i + 1]; ++at) {
@@ -167,8 +167,8 @@ HWY_INLINE Pack<W> AdvancedEntry(const TangentModel& f, const double* Y, int b, 
                                  int a) {
   const double* own = Y + b * f.n * m * W;
   Pack<W> sum = Pack<W>::Zero();
-  for (int at = f.row[i]; at < f.row[i + 1]; ++at) {
-    sum.Add(f.A[at], Pack<W>::Load(own + (f.column[at] * m + a) * W));
+  for (int at = f.A_row[i]; at < f.A_row[i + 1]; ++at) {
+    sum.Add(f.A_entry[at], Pack<W>::Load(own + (f.A_column[at] * m + a) * W));
   }
   if (f.A_theta == nullptr) return sum;
   for (int at = f.A_theta_row[i]; at < f.A_theta_row[i + 1]; ++at) {

@@ -46,6 +46,24 @@ TEST(NoiseMl, NileWithGaps) {
   EXPECT_NEAR(e.objective.log_likelihood, -380.007729121, 1e-7);
 }
 
+// Of a level under noise, differences have a covariance that sines make diagonal, and Newton's method
+// on their likelihood, in long double, ends at these digits. Whatever the start: the search's last
+// step is worth no evaluation, but these.
+TEST(NoiseMl, NileToTenDigits) {
+  Model model = read_model_file(in_tree("examples/nile.yaml"));
+  const Dataset data =
+      make_dataset(read_csv(in_tree("data/nile.csv")), model.time, model.inputs, model.outputs);
+  for (const double times : {1.0, 0.1, 30.0}) {
+    Model from = model;
+    for (Parameter& p : from.parameters) p.value *= times;
+    const NoiseEstimate e = tune_ml(from, {data});
+    printf("Nile from %g times the start: q %.12g, r %.12g\n", times, e.noise.Q(0, 0),
+           e.noise.R(0, 0));
+    EXPECT_NEAR(e.noise.Q(0, 0) / 1469.1763603095183, 1.0, 1e-10);
+    EXPECT_NEAR(e.noise.R(0, 0) / 15098.518324096272, 1.0, 1e-10);
+  }
+}
+
 struct Published {
   const char* file;
   const char* model;
