@@ -159,8 +159,9 @@ VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vect
 }
 
 constexpr double kUndefined = std::numeric_limits<double>::quiet_NaN();
-constexpr double kNearby = 1.0;  // gain of a step, in units of log-likelihood
-constexpr double kLittle = 1.0;  // damping that is tried where a search has all but ended
+constexpr double kNearby = 1.0;     // gain of a step, in units of log-likelihood
+constexpr double kNothing = 1e-10;  // gain that no digits of the likelihood tell
+constexpr double kLittle = 1.0;     // damping that is tried where a search has all but ended
 
 // What became of one step.
 struct Trial {
@@ -306,7 +307,6 @@ std::optional<Trial> accepted_step(const LikelihoodProblem& problem, const Point
                                    const MatrixXd& curvature,
                                    const std::function<VectorXd()>& damped_step, double most,
                                    Damping& damping, SolverSummary& summary) {
-  constexpr double kNothing = 1e-10;  // gain that no digits of the likelihood tell
   bool first = true;
   do {
     const VectorXd step = damped_step();
@@ -368,10 +368,12 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     if (learnt) model.information = *learnt;
     const ScaledSystem corrected = learnt ? ScaledSystem(*learnt, free) : system;
     if (summary.expected_gain <= options.decrement_tolerance) {
-      // The step that is left gains nothing worth an evaluation, but digits of x.
-      out.x = (at.x + boxed_step(problem, model, free, corrected, 0.0))
-                  .cwiseMax(problem.lower)
-                  .cwiseMin(problem.upper);
+      // A step that gains nothing worth an evaluation, but digits of x.
+      if (corrected.expected_gain(at.gradient, kNoInformation) <
+          std::min(kNothing, options.decrement_tolerance)) {
+        const VectorXd last = boxed_step(problem, model, free, corrected, 0.0);
+        out.x = (at.x + last).cwiseMax(problem.lower).cwiseMin(problem.upper);
+      }
       return finish(Termination::converged, "the increase still expected is below the tolerance");
     }
     // What is not determined has no maximum to be away from.

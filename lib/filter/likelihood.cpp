@@ -100,8 +100,7 @@ struct LikelihoodEngine::Recordings {
   Index kernel_states = -1;
   TangentFilter tangents;
   // Where one parameter's derivatives follow from the others': theirs.
-  std::optional<VectorXd> factor;
-  std::size_t left_out = 0;
+  std::optional<CommonFactor> factor;
   std::vector<StateSpace> others;
   Likelihood of_others;
   Likelihood result;
@@ -341,10 +340,9 @@ void LikelihoodEngine::Recordings::prepare_tangents(const StateSpace& model, Ini
     tangents.prepare(model, derivatives);
     return;
   }
-  left_out = largest_share(model, derivatives, *factor);
   others.resize(k - 1);
   for (std::size_t i = 0, to = 0; i < k; ++i) {
-    if (i != left_out) others[to++] = derivatives[i];
+    if (i != factor->left_out) others[to++] = derivatives[i];
   }
   tangents.prepare(model, others);
 }
@@ -354,14 +352,15 @@ FilterStatus LikelihoodEngine::Recordings::add_by_tangents(const Recording& reco
                                                            InitialState initial, bool by_kernel) {
   if (factor) {
     of_others.value = 0.0;
-    of_others.gradient.setZero(factor->size() - 1);
-    of_others.information.setZero(factor->size() - 1, factor->size() - 1);
+    const auto k = static_cast<Index>(others.size());
+    of_others.gradient.setZero(k);
+    of_others.information.setZero(k, k);
   }
   const FilterStatus status = tangents.run({*recording.y, *recording.u, recording.presence,
                                             recording.segments, by_kernel ? kernel.get() : nullptr},
                                            initial, factor ? of_others : result);
   if (factor && status == FilterStatus::ok) {
-    add_completed(of_others, tangents.factor_sums(), *factor, left_out, result);
+    add_completed(of_others, tangents.factor_sums(), *factor, result);
   }
   jumped = tangents.served_by_kernel();
   if (by_kernel && jumped < recording.rows) {

@@ -13,6 +13,7 @@
 
 #include "lib/model/partial_autocorrelation.h"
 #include "lib/model/polynomial_factors.h"
+#include "solvers/covariance.h"
 
 namespace identikal {
 
@@ -241,6 +242,27 @@ std::vector<RootsOnCircle> RootCoordinates::on_circle(const VectorXd& z) const {
   return out;
 }
 
+namespace {
+
+// What the other coordinates inside their bounds are expected to gain, as the quadratic has it; none
+// where that is more than a quadratic is good for.
+double gain_of_others(const LikelihoodProblem& inside, const VectorXd& z, const VectorXd& gradient,
+                      const MatrixXd& information, Index held) {
+  constexpr double kNearby = 0.1, kFlat = 1e-9;
+  std::vector<Index> others;
+  for (Index k = 0; k < z.size(); ++k) {
+    if (k != held && z[k] > inside.lower[k] && z[k] < inside.upper[k]) others.push_back(k);
+  }
+  if (others.empty()) return 0.0;
+  const std::optional<MatrixXd> covariance = scaled_inverse(information(others, others), kFlat);
+  if (!covariance) return 0.0;
+  const VectorXd g = gradient(others);
+  const double gain = 0.5 * g.dot(*covariance * g);
+  return gain < kNearby ? gain : 0.0;
+}
+
+}  // namespace
+
 VectorXd RootCoordinates::drawn_to_circle(const LikelihoodProblem& inside, VectorXd z) const {
   constexpr double kNear = 1e-2, kNegligible = 1e-4;
   double L = 0.0, there = 0.0;
@@ -251,7 +273,11 @@ VectorXd RootCoordinates::drawn_to_circle(const LikelihoodProblem& inside, Vecto
       if (1.0 - std::abs(z[i]) > kNear) continue;
       VectorXd drawn = z;
       drawn[i] = std::copysign(1.0, z[i]);
-      if (inside.evaluate(drawn, there, nullptr, nullptr) && there > L - kNegligible) z = drawn;
+      VectorXd g;
+      MatrixXd J;
+      if (!inside.evaluate(drawn, there, &g, &J)) continue;
+      // The others have not moved along yet.
+      if (there + gain_of_others(inside, drawn, g, J, i) > L - kNegligible) z = drawn;
     }
   }
   return z;

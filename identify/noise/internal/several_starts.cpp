@@ -345,12 +345,12 @@ class Searches {
     out.solution = {roots_.to(end.x).cwiseMax(problem.lower).cwiseMin(problem.upper), end.summary};
   }
 
-  // Within a standard error, as the quadratic about the maximum has it.
+  // Within half a standard error, as the quadratic about the maximum has it.
   static bool is_beside(const Point& known, const VectorXd& x, double L) {
-    constexpr double kNear = 0.5;  // in units of log-likelihood
+    constexpr double kNear = 0.25;
     const VectorXd d = x - known.x;
     const bool no_higher = L < known.L + kSameMaximum;
-    return no_higher && known.L - L < kNear && 0.5 * d.dot(known.information * d) < kNear;
+    return no_higher && known.L - L < kNear && d.dot(known.information * d) < kNear;
   }
 
   // What may be decades off by its logarithm. A simulation's start may be far from where its noise

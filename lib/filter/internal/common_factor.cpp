@@ -35,12 +35,10 @@ MatrixXd noise_entries(const StateSpace& model, const std::vector<StateSpace>& d
       .transpose();
 }
 
-}  // namespace
-
-std::optional<VectorXd> common_factor(const StateSpace& model,
-                                      const std::vector<StateSpace>& derivatives) {
+// Weights that all entries agree to.
+std::optional<VectorXd> common_weights(const StateSpace& model,
+                                       const std::vector<StateSpace>& derivatives) {
   constexpr double kRounding = 1e-14;
-  if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) return std::nullopt;
   MatrixXd entries = noise_entries(model, derivatives);
   const auto k = static_cast<Index>(derivatives.size());
   if (entries.rows() < k || !entries.allFinite()) return std::nullopt;
@@ -57,26 +55,33 @@ std::optional<VectorXd> common_factor(const StateSpace& model,
   return weights;
 }
 
-std::size_t largest_share(const StateSpace& model, const std::vector<StateSpace>& derivatives,
-                          const VectorXd& weights) {
+}  // namespace
+
+std::optional<CommonFactor> common_factor(const StateSpace& model,
+                                          const std::vector<StateSpace>& derivatives) {
+  if (!std::all_of(derivatives.begin(), derivatives.end(), changes_only_noise)) return std::nullopt;
+  const std::optional<VectorXd> weights = common_weights(model, derivatives);
+  if (!weights) return std::nullopt;
+  // What enters the outputs at once, of the output's variance.
   const MatrixXd CG = model.C * model.G;
   const auto size = [&CG](const StateSpace& of) {
     return VectorXd((CG * of.Q).cwiseProduct(CG).rowwise().sum() + of.R.diagonal());
   };
   const VectorXd all = size(model);
-  std::size_t best = 0;
-  double largest = -1.0;
+  CommonFactor out{*weights, 0};
+  double largest = 0.0;
   for (std::size_t i = 0; i < derivatives.size(); ++i) {
-    const VectorXd share = weights[static_cast<Index>(i)] * size(derivatives[i]);
-    const double sum = (all.array() > 0.0).select(share.cwiseQuotient(all), 0.0).sum();
-    if (sum > largest) best = i, largest = sum;
+    const VectorXd part = (*weights)[static_cast<Index>(i)] * size(derivatives[i]);
+    const double share = (all.array() > 0.0).select(part.cwiseQuotient(all), 0.0).sum();
+    if (share > largest) out.left_out = i, largest = share;
   }
-  return best;
+  return largest > 0.0 ? std::optional(std::move(out)) : std::nullopt;
 }
 
-void add_completed(const Likelihood& of_others, const FactorSums& sums, const VectorXd& weights,
-                   std::size_t left_out, Likelihood& out) {
-  const Index k = weights.size(), last = static_cast<Index>(left_out);
+void add_completed(const Likelihood& of_others, const FactorSums& sums, const CommonFactor& factor,
+                   Likelihood& out) {
+  const VectorXd& weights = factor.weights;
+  const Index k = weights.size(), last = static_cast<Index>(factor.left_out);
   std::vector<Index> others;
   for (Index i = 0; i < k; ++i) {
     if (i != last) others.push_back(i);

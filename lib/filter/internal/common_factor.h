@@ -25,16 +25,17 @@ struct FactorSums {
   Eigen::VectorXd half_traces;  ///< of them, 1/2 tr(Sigma^-1 dSigma), by parameter
 };
 
-/// Weights w above, k; nothing where there are none.
-std::optional<Eigen::VectorXd> common_factor(const StateSpace& model,
-                                             const std::vector<StateSpace>& derivatives);
+struct CommonFactor {
+  Eigen::VectorXd weights;   ///< w above, k
+  std::size_t left_out = 0;  ///< the parameter that has most to do with the innovations' size
+};
 
-/// The parameter that has most to do with the innovations' size: the one to leave out.
-std::size_t largest_share(const StateSpace& model, const std::vector<StateSpace>& derivatives,
-                          const Eigen::VectorXd& weights);
+/// Nothing where not all noise is free, or there is none.
+std::optional<CommonFactor> common_factor(const StateSpace& model,
+                                          const std::vector<StateSpace>& derivatives);
 
 /// Adds to `out`, of k parameters, what the others have been found to say, k - 1 of them.
-void add_completed(const Likelihood& of_others, const FactorSums& sums,
-                   const Eigen::VectorXd& weights, std::size_t left_out, Likelihood& out);
+void add_completed(const Likelihood& of_others, const FactorSums& sums, const CommonFactor& factor,
+                   Likelihood& out);
 
 }  // namespace identikal

@@ -51,14 +51,18 @@ std::vector<StateSpace> by_variances(const StateSpace& m) {
 TEST(CommonFactor, IsFoundWhereAllNoiseIsFree) {
   const StateSpace m = structural(false);
   std::vector<StateSpace> by = by_variances(m);
-  const auto weights = common_factor(m, by);
-  ASSERT_TRUE(weights.has_value());
-  EXPECT_NEAR((*weights)[1], 1e-7, 1e-20);
-  EXPECT_NEAR((*weights)[3], 0.5, 1e-14);
-  EXPECT_EQ(largest_share(m, by, *weights), 3u);
+  const auto factor = common_factor(m, by);
+  ASSERT_TRUE(factor.has_value());
+  EXPECT_NEAR(factor->weights[1], 1e-7, 1e-20);
+  EXPECT_NEAR(factor->weights[3], 0.5, 1e-14);
+  EXPECT_EQ(factor->left_out, 3u);
   // As standard deviations they weigh half of them.
   for (StateSpace& d : by) d.Q *= 2.0 * 0.1, d.R *= 2.0 * 0.1;
-  EXPECT_NEAR((*common_factor(m, by))[3], 2.5, 1e-13);
+  EXPECT_NEAR(common_factor(m, by)->weights[3], 2.5, 1e-13);
+  by = by_variances(m);
+  StateSpace silent = m;
+  silent.Q.setZero(), silent.R.setZero();
+  EXPECT_FALSE(common_factor(silent, by).has_value());  // there is no noise to grow
   by.pop_back();
   EXPECT_FALSE(common_factor(m, by).has_value());  // R is known
   by = by_variances(m);
