@@ -184,8 +184,8 @@ VectorXd shrunk(const LikelihoodProblem& problem, const VectorXd& x, VectorXd st
   return step;
 }
 
-// Where on the way between two points the likelihood is highest, by the cubic through values and
-// slopes.
+// The share of the step between two points at which the likelihood is highest, by the cubic through
+// values and slopes; zero where that is none to go to.
 double highest_between(const Point& from, const Point& to) {
   if (!std::isfinite(to.L) || !to.gradient.allFinite()) return 0.0;
   const VectorXd way = to.x - from.x;
@@ -219,7 +219,7 @@ Trial try_step(const LikelihoodProblem& problem, const Point& at, const MatrixXd
   // Near the maximum the increase drowns in the rounding of L; then the gradient decides.
   const double rounding = 1e-14 * (1.0 + std::abs(at.L));
   out.gain = next.L - at.L;
-  // A bound ends the way before its highest place, and slopes there say nothing about it.
+  // A bound ends a step before its highest place, and slopes there say nothing about that.
   if (is_inside(problem, next.x)) {
     out.overshoot = -next.gradient.dot(moved) / at.gradient.dot(moved);
   }
@@ -248,8 +248,8 @@ class RecentGains {
   std::size_t steps_ = 0;
 };
 
-// How far a step goes: less far behind one that did not gain or went past the highest place on its
-// way, and farther behind several in a row that gained more than they promised.
+// How far a step goes: less far behind one that did not gain or went past the likelihood's highest
+// place along it, and farther behind several in a row that gained more than they promised.
 class Damping {
  public:
   double lambda = 0.0;  // added to the information
@@ -279,8 +279,8 @@ class Damping {
   int in_a_row_ = 0;
 };
 
-// Of a step that did not gain: to where the likelihood is highest on the way, or, where it falls at
-// once, as with a variance that comes to nothing, by factors.
+// Of a step that did not gain: the share of it at which the likelihood is highest, or, where it falls
+// at once, as with a variance that comes to nothing, the step by factors.
 std::optional<Trial> amended_step(const LikelihoodProblem& problem, const Point& at,
                                   const MatrixXd& curvature, VectorXd step, const Trial& failed,
                                   Damping& damping, SolverSummary& summary) {
