@@ -28,7 +28,7 @@ MOST_FLOORS = 7
 ONLY_IN = {
     r"ceres/": r"solvers/(ceres_backend|sparse_least_squares|internal/ceres_options)\.(cpp|h)",
     r"nlopt": r"solvers/nlopt_backend\.cpp",
-    r"hwy/": r"lib/filter/internal/(simd_kernels|bank_kernel|tangent_kernel)\.cpp",
+    r"hwy/": r"lib/(filter/internal/(simd_kernels|bank_kernel|tangent_kernel)|nonlinear/internal/extended_kernel)\.cpp",
     r"pybind11/": r"python/.*",
     r"CLI/": r"command/.*",
     r"mpi\.h": r"fleet/internal/mpi_plugin\.cpp",

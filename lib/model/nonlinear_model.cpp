@@ -27,50 +27,46 @@ std::vector<std::vector<Id>> jacobian_of(FormulaGraph& graph, const std::vector<
   return out;
 }
 
-// Values, their derivatives row by row, and the derivatives of the first nx columns of those,
-// column by column.
-Tape curvature_tape(FormulaGraph& graph, const std::vector<Id>& values,
-                    const std::vector<std::vector<Id>>& jacobian, std::size_t nx,
-                    const std::vector<int>& by) {
-  std::vector<Id> all = values;
-  for (const std::vector<Id>& row : jacobian) all.insert(all.end(), row.begin(), row.end());
-  for (std::size_t j = 0; j < nx; ++j) {
-    for (const std::vector<Id>& row : jacobian) {
-      const std::vector<Id> second = graph.gradient(row[j], by);
-      all.insert(all.end(), second.begin(), second.end());
-    }
-  }
-  return make_tape(graph, all);
-}
-
 bool is_zero(const FormulaGraph& graph, Id id) {
   const FormulaGraph::Node& node = graph.node(id);
   return node.op == Op::number && node.value == 0.0;
 }
 
-// Entries of the first nx columns that are not the number zero, or whose derivatives are not.
-std::vector<NonlinearModel::Entry> entries_not_zero(const FormulaGraph& graph,
-                                                    const std::vector<std::vector<Id>>& jacobian,
-                                                    Index nx) {
-  std::vector<NonlinearModel::Entry> out;
+// Entries of the first columns that are not the number zero.
+std::vector<FormulaSlopes::Entry> entries_not_zero(const FormulaGraph& graph,
+                                                   const std::vector<std::vector<Id>>& jacobian,
+                                                   std::size_t columns) {
+  std::vector<FormulaSlopes::Entry> out;
   for (std::size_t i = 0; i < jacobian.size(); ++i) {
-    for (Index j = 0; j < nx; ++j) {
-      if (!is_zero(graph, jacobian[i][j])) out.push_back({static_cast<Index>(i), j});
+    for (std::size_t j = 0; j < columns; ++j) {
+      if (is_zero(graph, jacobian[i][j])) continue;
+      out.push_back({static_cast<Index>(i), static_cast<Index>(j)});
     }
   }
   return out;
 }
-std::vector<NonlinearModel::Entry> entries_that_move(FormulaGraph& graph,
-                                                     const std::vector<std::vector<Id>>& jacobian,
-                                                     Index nx, const std::vector<int>& by) {
-  std::vector<NonlinearModel::Entry> out;
-  for (const NonlinearModel::Entry& each : entries_not_zero(graph, jacobian, nx)) {
-    const std::vector<Id> second =
-        graph.gradient(jacobian[static_cast<std::size_t>(each.row)][each.column], by);
-    const bool moves =
-        std::any_of(second.begin(), second.end(), [&](Id id) { return !is_zero(graph, id); });
-    if (moves) out.push_back(each);
+
+// Which derivatives are not the number zero, and with second ones the tape that gives all of them.
+FormulaSlopes slopes_of(FormulaGraph& graph, const std::vector<Id>& values,
+                        const std::vector<std::vector<Id>>& jacobian, std::size_t nx,
+                        const std::vector<int>& by, Derivatives order) {
+  FormulaSlopes out;
+  out.wrt_x = entries_not_zero(graph, jacobian, nx);
+  out.wrt_z = entries_not_zero(graph, jacobian, by.size());
+  if (order == Derivatives::first) return out;
+  std::vector<Id> all = values;
+  for (const auto& [i, j] : out.wrt_z) all.push_back(jacobian[static_cast<std::size_t>(i)][j]);
+  for (const auto& [i, j] : out.wrt_x) {
+    const std::vector<Id> second = graph.gradient(jacobian[static_cast<std::size_t>(i)][j], by);
+    const std::size_t before = out.second.size();
+    for (std::size_t l = 0; l < second.size(); ++l) {
+      if (is_zero(graph, second[l])) continue;
+      out.second.push_back({i, j, static_cast<Index>(l)});
+      all.push_back(second[l]);
+    }
+    if (out.second.size() > before) out.curved.push_back({i, j});
   }
+  out.tape = make_tape(graph, all);
   return out;
 }
 
@@ -133,16 +129,49 @@ class MotionParts {
   Index nx_, columns_, gramians_, curvatures_;
 };
 
+// Values, slopes and second derivatives as they lie in `all`.
+SlopesAt parts_of(const FormulaSlopes& slopes, std::size_t values, const Eigen::VectorXd& all,
+                  bool second) {
+  const double* const first = all.data() + values;
+  return {{all.data(), values},
+          {first, slopes.wrt_z.size()},
+          {first + slopes.wrt_z.size(), second ? slopes.second.size() : 0}};
+}
+SlopesAt values_of(const FormulaSlopes& slopes, TapeMemory& memory, Index values,
+                   Eigen::VectorXd& all) {
+  evaluate_values(slopes.tape, memory, span_of(all));
+  return parts_of(slopes, static_cast<std::size_t>(values), all, true);
+}
+// From a tape of values and a whole Jacobian.
+SlopesAt values_of(const FormulaSlopes& slopes, const Tape& tape, TapeMemory& memory,
+                   ModelMemory::Rows& jacobian, Eigen::VectorXd& all) {
+  evaluate_jacobian(tape, memory, {all.data(), tape.values}, span_of(jacobian));
+  double* to = all.data() + tape.values;
+  for (const auto& [i, j] : slopes.wrt_z) *to++ = jacobian(i, j);
+  return parts_of(slopes, tape.values, all, false);
+}
+
+// What a tape of FormulaSlopes gives, into a Jacobian by [x; p] and the derivatives of its first nx
+// columns. Other entries than those stay zero.
+void spread(const FormulaSlopes& slopes, const SlopesAt& at, ModelMemory::Rows& jacobian,
+            ModelMemory::Rows& second) {
+  const Index rows = jacobian.rows();
+  for (std::size_t e = 0; e < slopes.wrt_z.size(); ++e) {
+    jacobian(slopes.wrt_z[e].row, slopes.wrt_z[e].column) = at.wrt_z[e];
+  }
+  for (std::size_t e = 0; e < slopes.second.size(); ++e) {
+    const auto& [i, j, by] = slopes.second[e];
+    second(i + rows * j, by) = at.second[e];
+  }
+}
+
 // f at the stage, into the rate of x, J and, second order, H.
 void evaluate_rates(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
                     const double* u, double time) {
-  const Index nx = model.states;
   if (order == Derivatives::first) return evaluate_rate_slopes(model, m, x, u, time);
-  write_point(model, m.rate_curvature, x, u, time);
-  evaluate_values(model.rate_curvature, m.rate_curvature, span_of(m.values));
-  std::copy_n(m.values.data(), nx, m.rate.data());
-  std::copy_n(m.values.data() + nx, m.J.size(), m.J.data());
-  std::copy_n(m.values.data() + nx + m.J.size(), m.H.size(), m.H.data());
+  const SlopesAt at = rates_at(model, m, order, x, u, time);
+  std::copy(at.values.begin(), at.values.end(), m.rate.data());
+  spread(model.rate, at, m.J, m.H);
 }
 
 // out.row(to) += weight from.row(at).
@@ -175,10 +204,10 @@ void chain_jacobian(const NonlinearModel& model, const MotionParts& parts, Model
   const auto V = parts.curvature(m.stage);
   auto rate = parts.curvature(m.rate);
   rate.setZero();
-  for (const auto& [i, l] : model.rate_slopes) {
+  for (const auto& [i, l] : model.rate.wrt_x) {
     for (Index j = 0; j < nx; ++j) add_row(rate, i + nx * j, m.J(i, l), V, l + nx * j);
   }
-  for (const auto& [i, l] : model.rate_curved) {
+  for (const auto& [i, l] : model.rate.curved) {
     chain_row(m.H, i + nx * l, S, m.turned);
     for (Index j = 0; j < nx; ++j) add_row(rate, i + nx * j, S(l, j), m.turned, i + nx * l);
   }
@@ -189,9 +218,9 @@ void chain_jacobian(const NonlinearModel& model, const MotionParts& parts, Model
 template <class Rows>
 void add_both_triangles(const NonlinearModel& model, const MotionParts::Rows& half, Rows& out) {
   const Index nx = model.states;
-  for (std::size_t k = 0; k < model.rate_slopes.size(); ++k) {
-    const Index i = model.rate_slopes[k].row;
-    if (k > 0 && model.rate_slopes[k - 1].row == i) continue;
+  for (std::size_t k = 0; k < model.rate.wrt_x.size(); ++k) {
+    const Index i = model.rate.wrt_x[k].row;
+    if (k > 0 && model.rate.wrt_x[k - 1].row == i) continue;
     for (Index j = 0; j < nx; ++j) {
       add_row(out, i + nx * j, 1.0, half, i + nx * j);
       add_row(out, j + nx * i, 1.0, half, i + nx * j);
@@ -215,7 +244,7 @@ void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, Mo
   auto rate = parts.gramians(m.rate);
   rate = m.densities;
   auto half = zero_half(m, nx * nx, W.cols());
-  for (const auto& [i, l] : model.rate_slopes) {
+  for (const auto& [i, l] : model.rate.wrt_x) {
     for (Index j = 0; j < nx; ++j) add_row(half, i + nx * j, m.J(i, l), W, l + nx * j);
   }
   add_both_triangles(model, half, rate);
@@ -224,10 +253,10 @@ void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, Mo
   auto jacobian = parts.gramian_jacobian(m.rate);
   jacobian.setZero();
   auto moved_half = zero_half(m, nx * nx, V.cols());
-  for (const auto& [i, l] : model.rate_slopes) {
+  for (const auto& [i, l] : model.rate.wrt_x) {
     for (Index j = 0; j < nx; ++j) add_row(moved_half, i + nx * j, m.J(i, l), V, l + nx * j);
   }
-  for (const auto& [i, l] : model.rate_curved) {
+  for (const auto& [i, l] : model.rate.curved) {
     for (Index j = 0; j < nx; ++j) {
       add_row(moved_half, i + nx * j, W(l + nx * j, 0), m.turned, i + nx * l);
     }
@@ -452,91 +481,12 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   if (!nodes.doses.empty()) {
     const std::vector<std::vector<Id>> by_dose = jacobian_of(graph, nodes.doses, by);
     out.doses = make_tape(graph, nodes.doses, by_dose);
-    out.doses_move_with_state = !entries_not_zero(graph, by_dose, out.states).empty();
+    out.doses_move_with_state =
+        !entries_not_zero(graph, by_dose, static_cast<std::size_t>(out.states)).empty();
   }
-  out.rate_slopes = entries_not_zero(graph, by_f, out.states);
-  if (order == Derivatives::second) {
-    const auto nx = static_cast<std::size_t>(nodes.states);
-    out.rate_curved = entries_that_move(graph, by_f, out.states, by);
-    out.output_curved = entries_that_move(graph, by_h, out.states, by);
-    out.rate_curvature = curvature_tape(graph, f, by_f, nx, by);
-    out.output_curvature = curvature_tape(graph, h, by_h, nx, by);
-  }
-  return out;
-}
-
-InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
-                       double longest_step) {
-  if (!(longest_step > 0.0)) {
-    throw std::invalid_argument(message({"input_nodes: longest step ", longest_step}));
-  }
-  std::vector<int> counts;
-  for (Index k = 0; k + 1 < time.size(); ++k) {
-    const double h = time[k + 1] - time[k];
-    // A sampling period that is the longest step up to rounding takes one step.
-    const double steps = std::max(1.0, std::ceil(h / longest_step * (1.0 - 1e-9)));
-    if (!(h > 0.0) || !(steps <= kMostSteps)) {
-      throw std::invalid_argument(message({"input_nodes: from ", time[k], " to ", time[k + 1],
-                                           " s in steps of ", longest_step, " s"}));
-    }
-    counts.push_back(static_cast<int>(steps));
-  }
-  return input_nodes(time, u, path, counts);
-}
-
-InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
-                       const std::vector<int>& steps) {
-  const Index N = time.size();
-  if (u.cols() != N || static_cast<Index>(steps.size()) != std::max<Index>(N - 1, 0)) {
-    throw std::invalid_argument(message({"input_nodes: ", N, " times, ", u.cols(),
-                                         " samples, steps for ", steps.size(), " intervals"}));
-  }
-  InputNodes out;
-  out.time = time;
-  out.at_sample = u;
-  out.steps = steps;
-  Index columns = 0;
-  for (Index k = 0; k + 1 < N; ++k) {
-    const int count = steps[k];
-    if (!(time[k + 1] > time[k]) || count < 1 || count > kMostSteps) {
-      throw std::invalid_argument(
-          message({"input_nodes: from ", time[k], " to ", time[k + 1], " s in ", count, " steps"}));
-    }
-    out.first.push_back(columns);
-    columns += 2 * count + 1;
-  }
-  out.u.resize(u.rows(), columns);
-  for (Index i = 0; i < u.rows(); ++i) {
-    std::optional<Pchip> curve;
-    if (path == InputPath::pchip) curve.emplace(time, u.row(i).transpose());
-    for (Index k = 0; k + 1 < N; ++k) {
-      const auto interval = static_cast<std::size_t>(k);
-      const Index last = 2 * out.steps[interval];
-      for (Index j = 0; j <= last; ++j) {
-        const double share = static_cast<double>(j) / static_cast<double>(last);
-        double value = u(i, k);
-        if (path == InputPath::linear) value += share * (u(i, k + 1) - u(i, k));
-        if (curve) {
-          value = curve->in_interval(k, time[k] + share * (time[k + 1] - time[k]));
-        }
-        out.u(i, out.first[interval] + j) = value;
-      }
-    }
-  }
-  return out;
-}
-
-InputNodes controlled_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, InputPath path,
-                            double tolerance) {
-  if (!(tolerance >= 1e-13 && tolerance <= 1e-2)) {
-    throw std::invalid_argument(message({"controlled_nodes: tolerance ", tolerance}));
-  }
-  const auto intervals = static_cast<std::size_t>(std::max<Index>(time.size() - 1, 0));
-  InputNodes out = input_nodes(time, u, path, std::vector<int>(intervals, 1));
-  out.tolerance = tolerance;
-  for (Index i = 0; path == InputPath::pchip && i < u.rows(); ++i) {
-    out.curves.emplace_back(time, u.row(i).transpose());
-  }
+  const auto nx = static_cast<std::size_t>(nodes.states);
+  out.rate = slopes_of(graph, f, by_f, nx, by, order);
+  out.output = slopes_of(graph, h, by_h, nx, by, order);
   return out;
 }
 
@@ -552,18 +502,21 @@ ModelMemory make_memory(const NonlinearModel& model) {
   }
   out.rate_jacobian = make_memory(model.rate_jacobian);
   out.output_jacobian = make_memory(model.output_jacobian);
-  out.rate_curvature = make_memory(model.rate_curvature);
-  out.output_curvature = make_memory(model.output_curvature);
+  out.rate_curvature = make_memory(model.rate.tape);
+  out.output_curvature = make_memory(model.output.tape);
   for (Eigen::VectorXd* motion : {&out.begin, &out.stage, &out.rate, &out.sum}) {
     motion->setZero(MotionParts(model, model.order, 0).size());
   }
   out.J.setZero(nx, columns);
   out.H.setZero(second, columns);
   out.turned.setZero(second, columns);
-  out.values.setZero(
-      static_cast<Index>(std::max(model.rate_curvature.values, model.output_curvature.values)));
-  out.y.setZero(model.outputs);
+  const auto size_of = [](const FormulaSlopes& of, Index values) {
+    return values + static_cast<Index>(of.wrt_z.size() + of.second.size());
+  };
+  out.values.setZero(size_of(model.rate, nx));
+  out.y_values.setZero(size_of(model.output, model.outputs));
   out.y_jacobian.setZero(model.outputs, columns);
+  out.y_second.setZero(second > 0 ? model.outputs * nx : 0, columns);
   return out;
 }
 
@@ -579,8 +532,31 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
   write(model.output_jacobian, memory.output_jacobian);
   if (has_doses(model)) write(model.doses, memory.doses);
   if (model.order == Derivatives::first) return;
-  write(model.rate_curvature, memory.rate_curvature);
-  write(model.output_curvature, memory.output_curvature);
+  write(model.rate.tape, memory.rate_curvature);
+  write(model.output.tape, memory.output_curvature);
+}
+
+SlopesAt rates_at(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
+                  const double* u, double time) {
+  check_order(model, order);
+  if (order == Derivatives::second) {
+    write_point(model, m.rate_curvature, x, u, time);
+    return values_of(model.rate, m.rate_curvature, model.states, m.values);
+  }
+  write_point(model, m.rate_jacobian, x, u, time);
+  return values_of(model.rate, model.rate_jacobian, m.rate_jacobian, m.J, m.values);
+}
+
+SlopesAt outputs_at(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
+                    const double* u, double time) {
+  check_order(model, order);
+  if (order == Derivatives::second) {
+    write_point(model, m.output_curvature, x, u, time);
+    return values_of(model.output, m.output_curvature, model.outputs, m.y_values);
+  }
+  write_point(model, m.output_jacobian, x, u, time);
+  return values_of(model.output, model.output_jacobian, m.output_jacobian, m.y_jacobian,
+                   m.y_values);
 }
 
 void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
@@ -671,20 +647,16 @@ void observe(const NonlinearModel& model, ModelMemory& m,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
              double time, Eigen::Ref<Eigen::VectorXd> y, Jacobian& jacobian, Derivatives order) {
   check_order(model, order);
-  const Index nx = model.states, np = model.columns, ny = model.outputs;
+  const Index nx = model.states, np = model.columns;
   if (order == Derivatives::first) {
     write_point(model, m.output_jacobian, x.data(), u.data(), time);
-    evaluate_jacobian(model.output_jacobian, m.output_jacobian, span_of(m.y),
-                      span_of(m.y_jacobian));
+    evaluate_jacobian(model.output_jacobian, m.output_jacobian, span_of(y), span_of(m.y_jacobian));
   } else {
-    write_point(model, m.output_curvature, x.data(), u.data(), time);
-    evaluate_values(model.output_curvature, m.output_curvature, span_of(m.values));
-    m.y = m.values.head(ny);
-    std::copy_n(m.values.data() + ny, m.y_jacobian.size(), m.y_jacobian.data());
-    jacobian.wrt_x_jacobian = Eigen::Map<const ModelMemory::Rows>(
-        m.values.data() + ny + m.y_jacobian.size(), ny * nx, nx + np);
+    const SlopesAt at = outputs_at(model, m, order, x.data(), u.data(), time);
+    std::copy(at.values.begin(), at.values.end(), y.data());
+    spread(model.output, at, m.y_jacobian, m.y_second);
+    jacobian.wrt_x_jacobian = m.y_second;
   }
-  y = m.y;
   jacobian.wrt_x = m.y_jacobian.leftCols(nx);
   jacobian.wrt_p = m.y_jacobian.rightCols(np);
 }
@@ -693,8 +665,7 @@ void observe(const NonlinearModel& model, ModelMemory& m,
              const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Ref<const Eigen::VectorXd>& u,
              double time, Eigen::Ref<Eigen::VectorXd> y) {
   write_point(model, m.output_jacobian, x.data(), u.data(), time);
-  evaluate_values(model.output_jacobian, m.output_jacobian, span_of(m.y));
-  y = m.y;
+  evaluate_values(model.output_jacobian, m.output_jacobian, span_of(y));
 }
 
 }  // namespace identikal

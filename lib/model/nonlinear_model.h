@@ -1,6 +1,7 @@
 // How does a state move that formulas describe?
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -52,6 +53,22 @@ struct FormulaNodes {
 };
 FormulaNodes insert_formulas(const ModelFormulas& formulas);
 
+/// Where the derivatives of several formulas by z = [x; those of p that are unknown] may differ from
+/// zero, as most of most models do not.
+struct FormulaSlopes {
+  struct Entry {
+    Eigen::Index row, column;
+  };
+  struct SecondEntry {
+    Eigen::Index row, column, by;
+  };
+  std::vector<Entry> wrt_x, wrt_z;  ///< row by row
+  // Derivatives::second:
+  std::vector<Entry> curved;        ///< those by x that z moves
+  std::vector<SecondEntry> second;  ///< d2/(dx_column dz_by) of them, one after the other
+  Tape tape;                        ///< values, `wrt_z` and `second`
+};
+
 /// The same, ready to be evaluated.
 struct NonlinearModel {
   Eigen::Index states = 0, inputs = 0, parameters = 0, outputs = 0;
@@ -66,15 +83,7 @@ struct NonlinearModel {
   Tape rates;                              ///< f
   /// f, h and their Jacobians with respect to z = [x; those of p that `column` counts].
   Tape rate_jacobian, output_jacobian;
-  /// Derivatives::second: as values of one tape f, df/dz row by row, and the derivatives of df/dx
-  /// with respect to z; and the same of h.
-  Tape rate_curvature, output_curvature;
-  /// Entries of df/dx that are not zero for every x, u, p and t; of those, and of dh/dx, the ones
-  /// that z moves (Derivatives::second). Most entries of most models are zero.
-  struct Entry {
-    Eigen::Index row, column;
-  };
-  std::vector<Entry> rate_slopes, rate_curved, output_curved;
+  FormulaSlopes rate, output;
   Tape doses;  ///< with derivatives by z; of no values: no doses
   bool doses_move_with_state = false;
 };
@@ -203,14 +212,14 @@ struct ModelMemory {
   /// At a step's begin, at a stage, its rate and the sum over stages: the state and, as far as they
   /// are requested, its derivatives, one after the other.
   Eigen::VectorXd begin, stage, rate, sum;
-  Rows J, H, turned;       ///< derivatives of f with respect to [x; p] at the stage, and of those
-                           ///< with respect to x
-  Rows densities, half;    ///< of Gramians, and of their rates
-  Eigen::VectorXd values;  ///< of a curvature tape
-  Eigen::VectorXd y;       ///< ny
-  Rows y_jacobian;         ///< ny x (nx + columns)
-  Eigen::VectorXd dose;    ///< nx
-  Rows dose_jacobian;      ///< nx x (nx + columns)
+  Rows J, H, turned;     ///< derivatives of f with respect to [x; p] at the stage, and of those
+                         ///< with respect to x
+  Rows densities, half;  ///< of Gramians, and of their rates
+  Eigen::VectorXd values, y_values;  ///< of rates_at() and outputs_at()
+  Rows y_jacobian;                   ///< ny x (nx + columns)
+  Rows y_second;                     ///< ny nx x (nx + columns)
+  Eigen::VectorXd dose;              ///< nx
+  Rows dose_jacobian;                ///< nx x (nx + columns)
   StepControl control;
   std::vector<RepeatedStep> repeated;  ///< since the parameters were set
 };
@@ -219,6 +228,21 @@ ModelMemory make_memory(const NonlinearModel& model);
 /// @param p  parameters, SI
 void set_parameters(const NonlinearModel& model, ModelMemory& memory,
                     const Eigen::Ref<const Eigen::VectorXd>& p);
+
+/// Formulas and their derivatives at a point, as FormulaSlopes lists them; in the memory that they
+/// were evaluated in, until the next call.
+struct SlopesAt {
+  std::span<const double> values, wrt_z;
+  std::span<const double> second;  ///< empty with Derivatives::first
+};
+/// f and h at a point.
+/// @param x, u   nx, nu numbers
+/// @param time   [s]
+/// @param order  @throws std::invalid_argument when it is beyond the model's
+SlopesAt rates_at(const NonlinearModel& model, ModelMemory& memory, Derivatives order,
+                  const double* x, const double* u, double time);
+SlopesAt outputs_at(const NonlinearModel& model, ModelMemory& memory, Derivatives order,
+                    const double* x, const double* u, double time);
 
 /// Moves x from sample k to sample k + 1, 0-based, from x + d(x, u(k), p, t(k)): in continuous time
 /// by the classical fourth-order Runge-Kutta method, or as controlled_nodes() says, in discrete

@@ -269,7 +269,7 @@ void StepBank(const BankStep& s) {
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-#include "lib/filter/internal/instruction_set.h"
+#include "lib/internal/instruction_set.h"
 
 namespace identikal::simd {
 

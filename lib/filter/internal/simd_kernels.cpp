@@ -201,7 +201,7 @@ std::size_t Padding() { return kAccumulators + 2 * hn::Lanes(Tag()); }
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-#include "lib/filter/internal/instruction_set.h"
+#include "lib/internal/instruction_set.h"
 
 namespace identikal::simd {
 

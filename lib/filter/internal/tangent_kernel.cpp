@@ -10,104 +10,16 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-HWY_BEFORE_NAMESPACE();
-namespace identikal::simd {
-namespace HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-
-// The lanes of one number in one block.
-template <int W>
-struct Pack {
-  using Tag = hn::CappedTag<double, W>;
-  static constexpr int kWidth = static_cast<int>(hn::MaxLanes(Tag()));
-  static constexpr int kVectors = W / kWidth;
-  hn::Vec<Tag> v[kVectors];
-
-  static HWY_INLINE Pack Load(const double* p) {
-    Pack out;
-    for (int s = 0; s < kVectors; ++s) out.v[s] = hn::LoadU(Tag(), p + s * kWidth);
-    return out;
-  }
-  static HWY_INLINE Pack Zero() {
-    Pack out;
-    for (int s = 0; s < kVectors; ++s) out.v[s] = hn::Zero(Tag());
-    return out;
-  }
-  // `value` in the first lane, zero in the others.
-  static HWY_INLINE Pack First(double value) {
-    Pack out = Zero();
-    out.v[0] = hn::IfThenElseZero(hn::FirstN(Tag(), 1), hn::Set(Tag(), value));
-    return out;
-  }
-  HWY_INLINE void Store(double* p) const {
-    for (int s = 0; s < kVectors; ++s) hn::StoreU(v[s], Tag(), p + s * kWidth);
-  }
-  HWY_INLINE void Add(double factor, const Pack& a) {
-    const auto f = hn::Set(Tag(), factor);
-    for (int s = 0; s < kVectors; ++s) v[s] = hn::MulAdd(f, a.v[s], v[s]);
-  }
-  HWY_INLINE void Subtract(double factor, const Pack& a) {
-    const auto f = hn::Set(Tag(), factor);
-    for (int s = 0; s < kVectors; ++s) v[s] = hn::NegMulAdd(f, a.v[s], v[s]);
-  }
-  HWY_INLINE void Add(const Pack& a) {
-    for (int s = 0; s < kVectors; ++s) v[s] = hn::Add(v[s], a.v[s]);
-  }
-};
-
-}  // namespace HWY_NAMESPACE
-}  // namespace identikal::simd
-HWY_AFTER_NAMESPACE();
-
+// Pack before those that use it.
+#include "lib/internal/lane_pack.h"
+#include "lib/internal/lane_scores.h"
+//
 #include "lib/filter/internal/tangent_dynamics.h"
 #include "lib/filter/internal/tangent_products.h"
-#include "lib/filter/internal/tangent_scores.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace identikal::simd {
 namespace HWY_NAMESPACE {
-
-// Sigma = L L' of the first lanes; L^-1, Sigma^-1. false unless positive definite.
-template <int W, int M>
-HWY_INLINE bool FactorSigma(const TangentModel& f, TangentRun& r) {
-  const int m = M > 0 ? M : f.m;
-  double *L = r.work, *Li = r.L_inverse, *Si = r.Sigma_inverse;
-  for (int j = 0; j < m; ++j) {
-    double pivot = r.Sigma[(j * m + j) * W];
-    for (int k = 0; k < j; ++k) pivot -= L[j * m + k] * L[j * m + k];
-    if (!(pivot > 0.0) || !(pivot < 1e300)) return false;
-    const double before = r.determinant;
-    r.determinant *= pivot;
-    // The logarithm is dear: one for many samples, unless a single one leaves the range.
-    if (!(r.determinant > 1e-100 && r.determinant < 1e100)) {
-      r.log_det += std::log(before) + std::log(pivot);
-      r.determinant = 1.0;
-    }
-    const double root = std::sqrt(pivot), inverse = 1.0 / root;
-    L[j * m + j] = root;
-    Li[j * m + j] = inverse;
-    for (int i = j + 1; i < m; ++i) {
-      double entry = r.Sigma[(i * m + j) * W];
-      for (int k = 0; k < j; ++k) entry -= L[i * m + k] * L[j * m + k];
-      L[i * m + j] = entry * inverse;
-    }
-    for (int k = 0; k < j; ++k) {
-      double entry = 0.0;
-      for (int l = k; l < j; ++l) entry -= L[j * m + l] * Li[l * m + k];
-      Li[j * m + k] = entry * inverse;
-      Li[k * m + j] = 0.0;
-    }
-  }
-  for (int i = 0; i < m; ++i) {
-    for (int j = 0; j <= i; ++j) {
-      double sum = 0.0;
-      for (int k = i; k < m; ++k) sum += Li[k * m + i] * Li[k * m + j];
-      Si[i * m + j] = Si[j * m + i] = sum;
-    }
-  }
-  return true;
-}
 
 // K = (A P C' + S) Sigma^-1 by substitution, F = A - K C.
 template <int W, int N, int M>
@@ -635,7 +547,7 @@ void RunSettledTangents(const TangentModel& f, TangentRun& r, const double* y, i
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-#include "lib/filter/internal/instruction_set.h"
+#include "lib/internal/instruction_set.h"
 
 namespace identikal::simd {
 

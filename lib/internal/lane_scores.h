@@ -1,20 +1,64 @@
-// What a sample adds to the gradient and to the information, in the lanes of tangent_kernel.cpp.
-// Included there once per instruction set, behind Pack.
-#if defined(IDENTIKAL_TANGENT_SCORES) == defined(HWY_TARGET_TOGGLE)
-#ifdef IDENTIKAL_TANGENT_SCORES
-#undef IDENTIKAL_TANGENT_SCORES
+// What a sample adds to the gradient and to the information, in lanes. Included once per instruction
+// set, behind lane_pack.h. Internal to lib.
+//
+// `f` has m outputs, `blocks` and a number of `derivatives`; `r` what the innovations are: E and
+// Sigma in lanes, and room for their factors and sums (lib/filter/internal/tangent_kernel.h).
+#if defined(IDENTIKAL_LANE_SCORES) == defined(HWY_TARGET_TOGGLE)
+#ifdef IDENTIKAL_LANE_SCORES
+#undef IDENTIKAL_LANE_SCORES
 #else
-#define IDENTIKAL_TANGENT_SCORES
+#define IDENTIKAL_LANE_SCORES
 #endif
 
 HWY_BEFORE_NAMESPACE();
 namespace identikal::simd {
 namespace HWY_NAMESPACE {
 
+// Sigma = L L' of the first lanes; L^-1, Sigma^-1. false unless positive definite.
+template <int W, int M, class Model, class Run>
+HWY_INLINE bool FactorSigma(const Model& f, Run& r) {
+  const int m = M > 0 ? M : f.m;
+  double *L = r.work, *Li = r.L_inverse, *Si = r.Sigma_inverse;
+  for (int j = 0; j < m; ++j) {
+    double pivot = r.Sigma[(j * m + j) * W];
+    for (int k = 0; k < j; ++k) pivot -= L[j * m + k] * L[j * m + k];
+    if (!(pivot > 0.0) || !(pivot < 1e300)) return false;
+    const double before = r.determinant;
+    r.determinant *= pivot;
+    // The logarithm is dear: one for many samples, unless a single one leaves the range.
+    if (!(r.determinant > 1e-100 && r.determinant < 1e100)) {
+      r.log_det += std::log(before) + std::log(pivot);
+      r.determinant = 1.0;
+    }
+    const double root = std::sqrt(pivot), inverse = 1.0 / root;
+    L[j * m + j] = root;
+    Li[j * m + j] = inverse;
+    for (int i = j + 1; i < m; ++i) {
+      double entry = r.Sigma[(i * m + j) * W];
+      for (int k = 0; k < j; ++k) entry -= L[i * m + k] * L[j * m + k];
+      L[i * m + j] = entry * inverse;
+    }
+    for (int k = 0; k < j; ++k) {
+      double entry = 0.0;
+      for (int l = k; l < j; ++l) entry -= L[j * m + l] * Li[l * m + k];
+      Li[j * m + k] = entry * inverse;
+      Li[k * m + j] = 0.0;
+    }
+  }
+  for (int i = 0; i < m; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      double sum = 0.0;
+      for (int k = i; k < m; ++k) sum += Li[k * m + i] * Li[k * m + j];
+      Si[i * m + j] = Si[j * m + i] = sum;
+    }
+  }
+  return true;
+}
+
 // The derivatives of the sample's log-density, and what they owe to Sigma and e in units of the
 // innovations' standard deviations.
-template <int W, int M>
-HWY_INLINE void AddScore(const TangentModel& f, TangentRun& r, bool with_Sigma) {
+template <int W, int M, class Model, class Run>
+HWY_INLINE void AddScore(const Model& f, Run& r, bool with_Sigma) {
   constexpr double kRootHalf = 0.70710678118654752440;
   const int m = M > 0 ? M : f.m, stride = f.blocks * W;
   for (int b = 0; b < f.blocks; ++b) {
@@ -59,8 +103,8 @@ HWY_INLINE void AddScore(const TangentModel& f, TangentRun& r, bool with_Sigma) 
   }
 }
 
-template <int W>
-HWY_INLINE void AddInformation(const TangentModel& f, TangentRun& r, int rows, double factor) {
+template <int W, class Model, class Run>
+HWY_INLINE void AddInformation(const Model& f, Run& r, int rows, double factor) {
   const int stride = f.blocks * W;
   for (int b = 0; b < f.blocks; ++b) {
     const double* white = r.white + b * W;
@@ -77,8 +121,8 @@ HWY_INLINE void AddInformation(const TangentModel& f, TangentRun& r, int rows, d
 }
 
 // 1/2 tr(Sigma^-1 dSigma), of the rows that AddScore() has left.
-template <int W>
-HWY_INLINE void AddTraces(const TangentModel& f, TangentRun& r, int m, double factor) {
+template <int W, class Model, class Run>
+HWY_INLINE void AddTraces(const Model& f, Run& r, int m, double factor) {
   constexpr double kRootHalf = 0.70710678118654752440;
   const int stride = f.blocks * W;
   for (int b = 0; b < f.blocks; ++b) {
