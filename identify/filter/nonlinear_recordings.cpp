@@ -505,6 +505,18 @@ FilterResult nonlinear_filter(const Model& model, const ParameterSet& given,
       filter_nodes(model, at, recording), recording.y, filter_options(formulas, recording), keep);
 }
 
+FilterResult gated_innovations(const Model& model, const ParameterSet& given, Dataset& recording,
+                               Index most_in_a_row,
+                               const std::function<int(Index t, const FilterResult&)>& far) {
+  const FormulaModel& formulas = as_formulas(model);
+  const ParameterSet at = values_in(given, recording);
+  const StartedFilter start =
+      started(formulas, at, written_matrices(formulas.noise, at), recording);
+  return gated_innovations(formulas.equations, formula_parameters(formulas, at), start.noise,
+                           filter_nodes(model, at, recording), recording.y,
+                           filter_options(formulas, recording), most_in_a_row, far);
+}
+
 SmootherResult nonlinear_smoother(const Model& model, const ParameterSet& given,
                                   const Dataset& recording, std::optional<Index> lag) {
   const FormulaModel& formulas = as_formulas(model);

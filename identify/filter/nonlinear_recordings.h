@@ -1,6 +1,7 @@
 // How does a recording go through a model of formulas, as a model file states it?
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -136,6 +137,12 @@ Eigen::MatrixXd noise_free_outputs(const Model& model, const ParameterSet& at,
 Eigen::MatrixXd transition_along(const Model& model, const ParameterSet& at,
                                  const Dataset& recording,
                                  const Eigen::Ref<const Eigen::MatrixXd>& states);
+
+/// Its innovations behind a gate (lib/filter/gated_innovations.h); the recording's outputs receive NaN
+/// where they were refused.
+FilterResult gated_innovations(
+    const Model& model, const ParameterSet& at, Dataset& recording, Eigen::Index most_in_a_row,
+    const std::function<int(Eigen::Index t, const FilterResult& so_far)>& far);
 
 /// The filter's run over one recording.
 FilterResult nonlinear_filter(const Model& model, const ParameterSet& at, const Dataset& recording,

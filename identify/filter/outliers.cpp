@@ -17,6 +17,7 @@
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/model_filter.h"
+#include "identify/filter/nonlinear_recordings.h"
 #include "lib/base/constants.h"
 #include "lib/base/median.h"
 #include "lib/data/units.h"
@@ -85,23 +86,6 @@ double robust_deviation(const std::vector<FilterResult>& filters, MatrixXd Filte
   }
   if (all.empty()) return 0.0;
   return kDeviationPerMedian * median(moving.size() >= kFewest ? moving : all);
-}
-
-// How long a disturbed prediction stays disturbed.
-Index memory(const Model& model, const ParameterSet& parameters) {
-  constexpr Index kMost = 1000, kNonlinear = 100;
-  if (is_formula_model(model)) return kNonlinear;
-  const StateSpace system = instantiate(as_linear(model), parameters);
-  const auto steady = steady_state(system);
-  if (!steady) return kMost;
-  const MatrixXd F = system.A - steady->K * system.C;
-  MatrixXd power = F;
-  Index k = 1;
-  while (k < kMost && power.norm() > 0.01) {
-    power = (F * power).eval();
-    ++k;
-  }
-  return k;
 }
 
 // Which channel of a sample is farthest off, in deviations.
@@ -189,8 +173,6 @@ std::vector<Outlier> outliers_by_gate(const Model& model, const ParameterSet& pa
                                       const Deviations& deviation, std::vector<Dataset>& rest,
                                       std::vector<FilterResult>& now) {
   constexpr Index kMostInARow = 50;
-  const LinearModel& linear = as_linear(model);
-  const StateSpace system = instantiate(linear, parameters);
   std::vector<Outlier> out;
   for (std::size_t r = 0; r < rest.size(); ++r) {
     MatrixXd& y = rest[r].y;
@@ -200,8 +182,13 @@ std::vector<Outlier> outliers_by_gate(const Model& model, const ParameterSet& pa
       if (here) size[{t, here->channel}] = here->deviations;
       return here ? static_cast<int>(here->channel) : -1;
     };
-    now[r] = gated_innovations(system, linear.initial, y, model_inputs(linear, rest[r].u),
-                               kMostInARow, far);
+    if (is_formula_model(model)) {
+      now[r] = gated_innovations(model, parameters, rest[r], kMostInARow, far);
+    } else {
+      const LinearModel& linear = as_linear(model);
+      now[r] = gated_innovations(instantiate(linear, parameters), linear.initial, y,
+                                 model_inputs(linear, rest[r].u), kMostInARow, far);
+    }
     for (const auto& [at, deviations] : size) {
       const auto [t, channel] = at;
       if (std::isnan(y(channel, t))) out.push_back({r, channel, t, deviations});
@@ -213,11 +200,11 @@ std::vector<Outlier> outliers_by_gate(const Model& model, const ParameterSet& pa
   return out;
 }
 
-// One in every segment as long as the filter's memory, and the filter again.
+// One in every segment as long as a disturbed prediction may stay disturbed, and the filter again.
 std::vector<Outlier> outliers_by_segment(const Model& model, const ParameterSet& parameters,
-                                         Index apart, const Deviations& deviation,
-                                         std::vector<Dataset>& rest,
+                                         const Deviations& deviation, std::vector<Dataset>& rest,
                                          std::vector<FilterResult>& now) {
+  constexpr Index apart = 100;
   std::vector<Outlier> out;
   for (std::size_t r = 0; r < rest.size(); ++r) {
     for (Index t = 0; t < rest[r].size(); ++t) {
@@ -236,9 +223,8 @@ std::vector<Outlier> outliers_by_segment(const Model& model, const ParameterSet&
 std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& parameters,
                                  const std::vector<Dataset>& recordings,
                                  std::vector<FilterResult> now) {
-  const bool gated = !is_formula_model(model) && !changes(model);
+  const bool gated = !changes(model) && !(is_formula_model(model) && model.student);
   const int most_passes = gated ? 20 : 200;
-  const Index apart = gated ? 0 : memory(model, parameters);
   std::vector<Outlier> out;
   std::vector<Dataset> rest = recordings;
   std::vector<Still> still;
@@ -248,7 +234,7 @@ std::vector<Outlier> outliers_of(const Model& model, const ParameterSet& paramet
     if (!any_outlier(now, deviation)) break;
     const std::vector<Outlier> found =
         gated ? outliers_by_gate(model, parameters, deviation, rest, now)
-              : outliers_by_segment(model, parameters, apart, deviation, rest, now);
+              : outliers_by_segment(model, parameters, deviation, rest, now);
     if (found.empty()) break;
     out.insert(out.end(), found.begin(), found.end());
   }

@@ -23,9 +23,9 @@ struct Outlier {
 /// ten equal samples or more, its innovations say nothing of its noise: the median is that of the
 /// others. An outlier disturbs the
 /// filter for a while, so it is taken out as it is met and what follows is predicted without it; and
-/// once more, as long as the median without them finds others. Where the filter is not that of a
-/// constant linear model, one is looked for at a time in every segment as long as its memory, and
-/// the filter run again.
+/// once more, as long as the median without them finds others. Where a linear model changes from
+/// sample to sample, or noise of equations is Student's, one is looked for at a time in every hundred
+/// samples, and the filter run again.
 ///
 /// Example:
 ///

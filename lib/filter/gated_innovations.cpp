@@ -18,7 +18,7 @@ using Eigen::MatrixXd;
 // What an output was refused in a row, and the state before.
 struct Row {
   std::vector<std::pair<Index, double>> samples;
-  TangentFilter::Predicted before;
+  std::vector<double> before;
   Index open_until = 0;
 };
 
@@ -26,42 +26,38 @@ class Gate {
  public:
   using Far = std::function<int(Index t, const FilterResult& so_far)>;
 
-  Gate(const StateSpace& model, MatrixXd& y, const MatrixXd& u, Index most_in_a_row, const Far& far)
-      : y_(y),
-        u_(u),
+  Gate(const GatedFilter& filter, Index states, MatrixXd& y, Index most_in_a_row, const Far& far)
+      : filter_(filter),
+        y_(y),
         most_in_a_row_(most_in_a_row),
         far_(far),
         rows_(static_cast<std::size_t>(y.rows())),
-        out_(empty_filter_result(model.states(), y.rows(), y.cols(), Keep::innovations)) {
-    filter_.prepare(model, none_);
-  }
+        out_(empty_filter_result(states, y.rows(), y.cols(), Keep::innovations)) {}
 
-  FilterResult run(InitialState initial) {
+  FilterResult run() {
     constexpr Index kFew = 4, kMany = 128;  // samples that are run before they are looked at
-    out_.status = filter_.begin(initial);
+    out_.status = filter_.at_start;
     Index t = 0, length = kMany;
     while (t < y_.cols() && out_.status == FilterStatus::ok) {
       const Index from = t;
-      const bool diffuse = filter_.is_diffuse();
-      const TangentFilter::Predicted before =
-          diffuse ? TangentFilter::Predicted{} : filter_.predicted();
-      out_.status = filter_.go_to(y_, u_, out_, t, std::min(y_.cols(), from + length));
+      const bool diffuse = is_diffuse();
+      const std::vector<double> before = diffuse ? std::vector<double>() : filter_.state();
+      out_.status = filter_.go_to(out_, t, std::min(y_.cols(), from + length));
       if (out_.status != FilterStatus::ok || diffuse) continue;
       const auto [at, channel] = first_refused(from, t);
       length = channel < 0 ? std::min(kMany, 2 * length) : kFew;
       if (channel < 0) continue;
       filter_.go_back_to(before);
       t = from;
-      if (at > from) out_.status = filter_.go_to(y_, u_, out_, t, at);
+      if (at > from) out_.status = filter_.go_to(out_, t, at);
       if (out_.status == FilterStatus::ok) t = refuse(at, channel);
     }
-    if (out_.status == FilterStatus::ok && filter_.is_diffuse()) {
-      out_.status = FilterStatus::undetermined;
-    }
+    if (out_.status == FilterStatus::ok && is_diffuse()) out_.status = FilterStatus::undetermined;
     return std::move(out_);
   }
 
  private:
+  bool is_diffuse() const { return filter_.is_diffuse && filter_.is_diffuse(); }
   // The first sample of which an output is refused, and which; or -1.
   std::pair<Index, int> first_refused(Index from, Index end) const {
     for (Index t = from; t < end; ++t) {
@@ -79,7 +75,7 @@ class Gate {
     if (!row.samples.empty() && has_sample_between(channel, row.samples.back().first, t)) {
       row.samples.clear();
     }
-    if (row.samples.empty()) row.before = filter_.predicted();
+    if (row.samples.empty()) row.before = filter_.state();
     row.samples.emplace_back(t, y_(channel, t));
     y_(channel, t) = kNaN;
     if (static_cast<Index>(row.samples.size()) <= most_in_a_row_) return t;
@@ -98,23 +94,38 @@ class Gate {
     return false;
   }
 
+  const GatedFilter& filter_;
   MatrixXd& y_;
-  const MatrixXd& u_;
   Index most_in_a_row_;
   const Far& far_;
   std::vector<Row> rows_;
-  const std::vector<StateSpace> none_;
-  TangentFilter filter_;
   FilterResult out_;
 };
 
 }  // namespace
 
+FilterResult gated_innovations(const GatedFilter& filter, Index states, MatrixXd& y,
+                               Index most_in_a_row,
+                               const std::function<int(Index t, const FilterResult& so_far)>& far) {
+  return Gate(filter, states, y, most_in_a_row, far).run();
+}
+
 FilterResult gated_innovations(const StateSpace& model, InitialState initial, MatrixXd& y,
                                const MatrixXd& u, Index most_in_a_row,
                                const std::function<int(Index t, const FilterResult& so_far)>& far) {
   check_shapes(model, initial, {});
-  return Gate(model, y, u, most_in_a_row, far).run(initial);
+  const std::vector<StateSpace> none;
+  TangentFilter filter;
+  filter.prepare(model, none);
+  GatedFilter stepping;
+  stepping.at_start = filter.begin(initial);
+  stepping.go_to = [&](FilterResult& out, Index& t, Index end) {
+    return filter.go_to(y, u, out, t, end);
+  };
+  stepping.state = [&] { return filter.predicted(); };
+  stepping.go_back_to = [&](const std::vector<double>& state) { filter.go_back_to(state); };
+  stepping.is_diffuse = [&] { return filter.is_diffuse(); };
+  return gated_innovations(stepping, model.states(), y, most_in_a_row, far);
 }
 
 }  // namespace identikal

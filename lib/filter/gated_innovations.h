@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -34,6 +35,22 @@ namespace identikal {
 FilterResult gated_innovations(
     const StateSpace& model, InitialState initial, Eigen::MatrixXd& y, const Eigen::MatrixXd& u,
     Eigen::Index most_in_a_row,
+    const std::function<int(Eigen::Index t, const FilterResult& so_far)>& far);
+
+/// A filter that goes on in steps, and back.
+struct GatedFilter {
+  FilterStatus at_start = FilterStatus::ok;
+  /// Samples t .. end - 1 of y, as it is now: advances t, and leaves e and standardised of them.
+  std::function<FilterStatus(FilterResult& out, Eigen::Index& t, Eigen::Index end)> go_to;
+  /// All that it knows before the next sample; back to what it knew before another.
+  std::function<std::vector<double>()> state;
+  std::function<void(const std::vector<double>&)> go_back_to;
+  std::function<bool()> is_diffuse;  ///< before the first proper innovation; null: never
+};
+
+/// The same of any filter that runs over y, of a model with that many states.
+FilterResult gated_innovations(
+    const GatedFilter& filter, Eigen::Index states, Eigen::MatrixXd& y, Eigen::Index most_in_a_row,
     const std::function<int(Eigen::Index t, const FilterResult& so_far)>& far);
 
 }  // namespace identikal

@@ -7,6 +7,7 @@
 
 #include "lib/base/message.h"
 #include "lib/base/nearest_turn.h"
+#include "lib/filter/gated_innovations.h"
 #include "lib/internal/direction_stack.h"
 #include "lib/internal/small_product.h"
 #include "lib/nonlinear/internal/chain.h"
@@ -132,9 +133,35 @@ class NonlinearRecursion {
     store_ = out.store;
     states_ = store_ != nullptr && out.keep == Keep::everything;
     score_products_ = out.score_products;
+    watcher_ = out.watcher;
     if (score_products_ != nullptr) score_products_->setZero(k_, k_);
+    Index t = 0;
+    go_to(t, y_.cols());
+    if (score_products_ != nullptr) {
+      score_products_->triangularView<Eigen::StrictlyLower>() = score_products_->transpose();
+    }
+    return update_.finish(status_);
+  }
+
+  FilterStatus go_to(FilterResult& store, Index& t, Index end) {
+    store_ = &store;
+    return go_to(t, end);
+  }
+  std::vector<double> predicted() const {
+    std::vector<double> out(now_.x.begin(), now_.x.end());
+    out.insert(out.end(), now_.P.reshaped().begin(), now_.P.reshaped().end());
+    return out;
+  }
+  void go_back_to(const std::vector<double>& state) {
+    std::copy_n(state.begin(), nx_, now_.x.begin());
+    std::copy(state.begin() + nx_, state.end(), now_.P.reshaped().begin());
+    status_ = FilterStatus::ok;
+  }
+
+ private:
+  FilterStatus go_to(Index& t, Index end) {
     const Index N = y_.cols();
-    for (Index t = 0; t < N && status_ == FilterStatus::ok; ++t) {
+    for (; t < end && status_ == FilterStatus::ok; ++t) {
       present_count_ = update_.look_at(y_.col(t));
       if (states_) {
         store_->x_pred.col(t) = now_.x;
@@ -142,20 +169,16 @@ class NonlinearRecursion {
       }
       if (present_count_ > 0 || store_ != nullptr) measure(t);
       if (status_ != FilterStatus::ok) break;
-      if (out.watcher != nullptr) (*out.watcher)({t, now_.x, now_.P, now_.dx, now_.dP});
+      if (watcher_ != nullptr) (*watcher_)({t, now_.x, now_.P, now_.dx, now_.dP});
       if (states_) {
         store_->x_filt.col(t) = now_.x;
         store_->P_filt[t] = now_.P;
       }
       if (t + 1 < N) predict(t);
     }
-    if (score_products_ != nullptr) {
-      score_products_->triangularView<Eigen::StrictlyLower>() = score_products_->transpose();
-    }
-    return update_.finish(status_);
+    return status_;
   }
 
- private:
   void prepare(const std::vector<FilterDirection>& directions) {
     const Index nn = nx_ * nx_;
     now_.x = noise_.x0;
@@ -223,6 +246,9 @@ class NonlinearRecursion {
   }
   void keep_covariance(Index t, const MatrixXd& Sigma) {
     if (store_ == nullptr) return;
+    // What was there of the sample before is no more.
+    store_->e.col(t).setConstant(kNan);
+    store_->standardised.col(t).setConstant(kNan);
     store_->e_sd.col(t) = Sigma.diagonal().cwiseSqrt();
     if (states_) store_->Sigma[t] = Sigma;
   }
@@ -415,6 +441,7 @@ class NonlinearRecursion {
   FilterResult* store_ = nullptr;
   bool states_ = false;
   MatrixXd* score_products_ = nullptr;
+  const FilteredStateWatcher* watcher_ = nullptr;
   FilterStatus status_ = FilterStatus::ok;
   Index present_count_ = 0;
 
@@ -435,13 +462,18 @@ class NonlinearRecursion {
   SigmaPoints moved_, seen_;
 };
 
+bool is_extended(const FilterNoise& noise, const std::vector<FilterDirection>& directions,
+                 const NonlinearFilterOptions& options) {
+  return options.method != NonlinearMethod::unscented && !is_output_error(noise, directions);
+}
+
 Likelihood run(const NonlinearModel& model, ModelMemory& memory,
                const Eigen::Ref<const VectorXd>& p, const FilterNoise& noise,
                const std::vector<FilterDirection>& directions, const InputNodes& inputs,
                const Eigen::Ref<const MatrixXd>& y, const NonlinearFilterOptions& options,
                const FilterOutputs& out) {
   check_arguments(model, p, noise, directions, inputs, y, options);
-  if (options.method != NonlinearMethod::unscented && !is_output_error(noise, directions)) {
+  if (is_extended(noise, directions, options)) {
     return run_extended_filter(model, memory, p, noise, directions, inputs, y, options, out);
   }
   return NonlinearRecursion(model, memory, p, noise, directions, inputs, y, options).run(out);
@@ -466,6 +498,28 @@ FilterResult nonlinear_filter(const NonlinearModel& model, const Eigen::Ref<cons
   out.status = likelihood.status;
   out.log_likelihood = likelihood.value;
   return out;
+}
+
+FilterResult gated_innovations(const NonlinearModel& model, const Eigen::Ref<const VectorXd>& p,
+                               const FilterNoise& noise, const InputNodes& inputs, MatrixXd& y,
+                               const NonlinearFilterOptions& options, Index most_in_a_row,
+                               const std::function<int(Index t, const FilterResult& so_far)>& far) {
+  ModelMemory memory = make_memory(model);
+  const std::vector<FilterDirection> none;
+  check_arguments(model, p, noise, none, inputs, y, options);
+  if (is_extended(noise, none, options)) {
+    return gated_innovations(gated_extended_filter(model, memory, p, noise, inputs, y, options),
+                             model.states, y, most_in_a_row, far);
+  }
+  const Eigen::Ref<const MatrixXd> seen = y;
+  NonlinearRecursion filter(model, memory, p, noise, none, inputs, seen, options);
+  GatedFilter stepping;
+  stepping.go_to = [&](FilterResult& out, Index& t, Index end) {
+    return filter.go_to(out, t, end);
+  };
+  stepping.state = [&] { return filter.predicted(); };
+  stepping.go_back_to = [&](const std::vector<double>& state) { filter.go_back_to(state); };
+  return gated_innovations(stepping, model.states, y, most_in_a_row, far);
 }
 
 Likelihood nonlinear_likelihood(const NonlinearModel& model, ModelMemory& memory,

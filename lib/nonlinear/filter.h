@@ -1,6 +1,7 @@
 // How likely is a recording under a model made of formulas?
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -101,6 +102,14 @@ FilterResult nonlinear_filter(const NonlinearModel& model,
                               const InputNodes& inputs, const Eigen::Ref<const Eigen::MatrixXd>& y,
                               const NonlinearFilterOptions& options = {},
                               Keep keep = Keep::everything);
+
+/// Its innovations behind a gate (lib/filter/gated_innovations.h).
+/// @param y  ny x N, NaN = missing; receives NaN where an output was refused
+FilterResult gated_innovations(
+    const NonlinearModel& model, const Eigen::Ref<const Eigen::VectorXd>& p,
+    const FilterNoise& noise, const InputNodes& inputs, Eigen::MatrixXd& y,
+    const NonlinearFilterOptions& options, Eigen::Index most_in_a_row,
+    const std::function<int(Eigen::Index t, const FilterResult& so_far)>& far);
 
 /// The same filter's log-likelihood, with exact gradient and information by the directions: forward
 /// sensitivities of x and P. Where Q, P0 and all their derivatives are zero (output error) P stays

@@ -413,14 +413,17 @@ FilterStatus TangentFilter::run(const TangentRecording& recording, InitialState 
   return FilterStatus::ok;
 }
 
-TangentFilter::Predicted TangentFilter::predicted() const {
+std::vector<double> TangentFilter::predicted() const {
   const std::size_t all = lanes_ * blocks_, n = static_cast<std::size_t>(n_);
-  return {{run_.x, run_.x + n * all}, {run_.P, run_.P + n * n * all}};
+  std::vector<double> out(run_.x, run_.x + n * all);
+  out.insert(out.end(), run_.P, run_.P + n * n * all);
+  return out;
 }
 
-void TangentFilter::go_back_to(const Predicted& state) {
-  std::copy(state.x.begin(), state.x.end(), run_.x);
-  std::copy(state.P.begin(), state.P.end(), run_.P);
+void TangentFilter::go_back_to(const std::vector<double>& state) {
+  const std::size_t x = static_cast<std::size_t>(n_) * lanes_ * blocks_;
+  std::copy_n(state.begin(), x, run_.x);
+  std::copy(state.begin() + static_cast<std::ptrdiff_t>(x), state.end(), run_.P);
 }
 
 // The pattern of one sample, which may be new.

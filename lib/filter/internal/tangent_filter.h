@@ -56,17 +56,15 @@ class TangentFilter {
                             InitialState initial, Likelihood& out);
 
   // The same in steps, for who goes back and on again.
-  struct Predicted {
-    std::vector<double> x, P;
-  };
   FilterStatus begin(InitialState initial);
   /// Samples t .. end - 1, but not beyond the end of a diffuse start; advances t.
   FilterStatus go_to(const Eigen::MatrixXd& y, const Eigen::MatrixXd& u, FilterResult& store,
                      Eigen::Index& t, Eigen::Index end);
   bool is_diffuse() const { return diffuse_; }
-  /// The state before the next sample, in lanes; not while the start is diffuse.
-  Predicted predicted() const;
-  void go_back_to(const Predicted& state);
+  /// The state before the next sample, and then its covariance, in lanes; not while the start is
+  /// diffuse.
+  std::vector<double> predicted() const;
+  void go_back_to(const std::vector<double>& state);
 
   // Of the last run.
   FactorSums factor_sums() const;  ///< of a diffuse start, without a kernel

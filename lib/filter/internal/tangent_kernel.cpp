@@ -12,6 +12,7 @@
 
 // Pack before those that use it.
 #include "lib/internal/lane_pack.h"
+#include "lib/internal/lane_rows.h"
 #include "lib/internal/lane_scores.h"
 //
 #include "lib/filter/internal/tangent_dynamics.h"

@@ -12,74 +12,6 @@ HWY_BEFORE_NAMESPACE();
 namespace identikal::simd {
 namespace HWY_NAMESPACE {
 
-constexpr int kMostEntries = 4;
-
-// What entries of a row of F weigh, up to four at a time.
-struct Entries {
-  int count = 0;
-  const double* weight = nullptr;
-  const double* from[kMostEntries] = {};
-};
-
-// The same in registers.
-template <int W, int kCount>
-struct Weights {
-  using Tag = typename Pack<W>::Tag;
-  using V = hn::Vec<Tag>;
-  V first, second, third, fourth;
-  const double *at_first, *at_second, *at_third, *at_fourth;
-
-  explicit HWY_INLINE Weights(const Entries& of)
-      : first(Set(of, 0)),
-        second(Set(of, 1)),
-        third(Set(of, 2)),
-        fourth(Set(of, 3)),
-        at_first(of.from[0]),
-        at_second(of.from[1]),
-        at_third(of.from[2]),
-        at_fourth(of.from[3]) {}
-
-  static HWY_INLINE V Set(const Entries& of, int q) {
-    return hn::Set(Tag(), of.weight[q < kCount ? q : 0]);
-  }
-  HWY_INLINE V First(int at) const { return hn::Mul(first, hn::LoadU(Tag(), at_first + at)); }
-  HWY_INLINE V AddFirst(int at, V sum) const {
-    return hn::MulAdd(first, hn::LoadU(Tag(), at_first + at), sum);
-  }
-  HWY_INLINE V AddOthers(int at, V sum) const {
-    if constexpr (kCount > 1) sum = hn::MulAdd(second, hn::LoadU(Tag(), at_second + at), sum);
-    if constexpr (kCount > 2) sum = hn::MulAdd(third, hn::LoadU(Tag(), at_third + at), sum);
-    if constexpr (kCount > 3) sum = hn::MulAdd(fourth, hn::LoadU(Tag(), at_fourth + at), sum);
-    return sum;
-  }
-};
-
-// to = sum of the weighed rows, or += where the sum goes on.
-template <int W, int kCount, bool kGoOn>
-HWY_INLINE void WeighRow(const Entries& of, int n, double* to) {
-  const typename Pack<W>::Tag tag;
-  const Weights<W, kCount> weights(of);
-  for (int j = 0; j < n * W; j += Pack<W>::kWidth) {
-    auto sum = kGoOn ? weights.AddFirst(j, hn::LoadU(tag, to + j)) : weights.First(j);
-    sum = weights.AddOthers(j, sum);
-    hn::StoreU(sum, tag, to + j);
-  }
-}
-
-template <int W, bool kGoOn>
-void WeighRows(const Entries& of, int n, double* to) {
-  switch (of.count) {
-    case 1:
-      return WeighRow<W, 1, kGoOn>(of, n, to);
-    case 2:
-      return WeighRow<W, 2, kGoOn>(of, n, to);
-    case 3:
-      return WeighRow<W, 3, kGoOn>(of, n, to);
-    default:
-      return WeighRow<W, 4, kGoOn>(of, n, to);
-  }
-}
-
 // Row i of F P.
 template <int W>
 void MultiplyRow(const TangentModel& f, const double* F, const double* P, int i, double* to) {
@@ -93,44 +25,6 @@ void MultiplyRow(const TangentModel& f, const double* F, const double* P, int i,
     } else {
       WeighRows<W, true>(of, f.n, to);
     }
-  }
-}
-
-// A column of P+ from the diagonal down; its beginning is `from` (W, or the sum so far). The last
-// entries bring K_j KR with them, and what is above the diagonal.
-template <int W, int kCount, bool kLast>
-HWY_INLINE void WeighColumn(const Entries& of, int n, int j, const double* from, double K,
-                            const double* KR, double* to) {
-  const typename Pack<W>::Tag tag;
-  const Weights<W, kCount> weights(of);
-  const auto gain = hn::Set(tag, K);
-  for (int s = 0; s < W; s += Pack<W>::kWidth) {
-    const int step = n * W;
-    double* mirror = to + j * n * W + s;
-    for (int i = j, row = j * step + s; i < n; ++i, row += step) {
-      auto sum = weights.AddFirst(row, hn::LoadU(tag, from + row + j * W));
-      sum = weights.AddOthers(row, sum);
-      if constexpr (kLast) {
-        sum = hn::MulAdd(gain, hn::LoadU(tag, KR + i * W + s), sum);
-        hn::StoreU(sum, tag, mirror + i * W);
-      }
-      hn::StoreU(sum, tag, to + row + j * W);
-    }
-  }
-}
-
-template <int W, bool kLast>
-void WeighColumns(const Entries& of, int n, int j, const double* from, double K, const double* KR,
-                  double* to) {
-  switch (of.count) {
-    case 1:
-      return WeighColumn<W, 1, kLast>(of, n, j, from, K, KR, to);
-    case 2:
-      return WeighColumn<W, 2, kLast>(of, n, j, from, K, KR, to);
-    case 3:
-      return WeighColumn<W, 3, kLast>(of, n, j, from, K, KR, to);
-    default:
-      return WeighColumn<W, 4, kLast>(of, n, j, from, K, KR, to);
   }
 }
 

@@ -83,24 +83,39 @@ class ExtendedFilter {
   }
 
   Likelihood run() {
-    Likelihood out;
-    out.gradient.setZero(static_cast<Index>(k_));
-    out.information.setZero(static_cast<Index>(k_), static_cast<Index>(k_));
-    if (out_.score_products != nullptr)
-      out_.score_products->setZero(out.gradient.size(), out.gradient.size());
+    Index t = 0;
+    go_to(t, y_.cols());
+    return finish();
+  }
+
+  FilterStatus go_to(Index& t, Index end) {
     const Index N = y_.cols();
-    Index samples = 0;
-    for (Index t = 0; t < N && status_ == FilterStatus::ok; ++t) {
+    for (; t < end && status_ == FilterStatus::ok; ++t) {
       look_at(t);
-      samples += run_.m;
+      samples_ += run_.m;
       keep_prediction(t);
-      if (run_.m > 0 || out_.store != nullptr) measure(t, out);
+      if (run_.m > 0 || out_.store != nullptr) measure(t);
       if (status_ != FilterStatus::ok) break;
       show(t);
       if (t + 1 < N) predict(t);
     }
-    finish(samples, out);
+    return status_;
+  }
+
+  FilterStatus go_to(FilterResult& store, Index& t, Index end) {
+    out_.store = &store;
+    return go_to(t, end);
+  }
+  std::vector<double> predicted() const {
+    std::vector<double> out(run_.x, run_.x + size(n_));
+    out.insert(out.end(), run_.P, run_.P + size(n_ * n_));
     return out;
+  }
+  void go_back_to(const std::vector<double>& state) {
+    const std::size_t x = size(n_);
+    std::copy_n(state.begin(), x, run_.x);
+    std::copy(state.begin() + static_cast<std::ptrdiff_t>(x), state.end(), run_.P);
+    status_ = FilterStatus::ok;
   }
 
  private:
@@ -153,6 +168,7 @@ class ExtendedFilter {
         {&run_.next_stage, size(all_)},
         {&run_.sum, size(all_)},
         {&start_of_step_, size(all_)},
+        {&run_.S_value, pattern_.S_column.size()},
         {&Q_, size(static_cast<std::size_t>(pattern_.W_entries))},
         {&R_, size(m * m)},
         {&run_.M, size(n * m)},
@@ -181,9 +197,11 @@ class ExtendedFilter {
     }
     run_.f = f_.point();
     run_.h = h_.point();
-    seen_.assign(n, 0);
+    gain_places_.assign(n * n + 2 * n + 1, 0);
     is_seen_ = std::make_unique<bool[]>(n);
-    run_.seen = seen_.data();
+    run_.gain_column = gain_places_.data();
+    run_.gain_row = run_.gain_column + n * n;
+    run_.gain_at = run_.gain_row + n + 1;
     run_.is_seen = is_seen_.get();
     channel_.reserve(m);
     point_.setZero(static_cast<Index>(n));
@@ -191,6 +209,8 @@ class ExtendedFilter {
     kernel_.Q = Q_;
     kernel_.R = R_;
     score_.setZero(static_cast<Index>(k_));
+    gradient_ = score_;
+    if (out_.score_products != nullptr) out_.score_products->setZero(score_.size(), score_.size());
     if (iterated_) iterations_.emplace(kernel_, size(n));
   }
 
@@ -347,7 +367,7 @@ class ExtendedFilter {
     }
   }
 
-  void measure(Index t, Likelihood& out) {
+  void measure(Index t) {
     if (scaled_.moves()) scale_noise(t);
     if (status_ != FilterStatus::ok) return;
     const bool iterated = iterated_ && run_.m > 0;
@@ -368,7 +388,7 @@ class ExtendedFilter {
       if (i == 1 || has_settled()) break;
       iterations_->advance(run_);
     }
-    add_terms(t, out);
+    add_terms(t);
     simd::correct(kernel_, run_);
     std::swap(run_.x, run_.next_x);
   }
@@ -389,29 +409,40 @@ class ExtendedFilter {
     return true;
   }
 
-  // Sigma of all outputs, measured or not.
+  // Sigma of all outputs, measured or not. What was there of the sample before is no more.
   void keep_innovation_covariance(Index t) {
     if (out_.store == nullptr) return;
-    MatrixXd H = MatrixXd::Zero(model_.outputs, model_.states),
-             Sigma(model_.outputs, model_.outputs);
-    for (std::size_t e = 0; e < model_.output.wrt_x.size(); ++e) {
-      H(model_.output.wrt_x[e].row, model_.output.wrt_x[e].column) = run_.h.slope[e];
+    out_.store->e.col(t).setConstant(kNan);
+    out_.store->standardised.col(t).setConstant(kNan);
+    const simd::LaneSlopes& h = kernel_.h;
+    const auto entry = [&](int a, int c) {
+      double sum = R_[static_cast<std::size_t>(a * kernel_.ny + c) * places_.lanes];
+      for (int e = h.row[a]; e < h.row[a + 1]; ++e) {
+        for (int g = h.row[c]; g < h.row[c + 1]; ++g) {
+          sum += run_.h.slope[e] * run_.h.slope[g] *
+                 run_.P[static_cast<std::size_t>(h.column[e] * kernel_.n + h.column[g]) *
+                        places_.lanes];
+        }
+      }
+      return sum;
+    };
+    for (int a = 0; a < kernel_.ny; ++a) out_.store->e_sd(a, t) = std::sqrt(entry(a, a));
+    if (out_.keep != Keep::everything) return;
+    MatrixXd& Sigma = out_.store->Sigma[static_cast<std::size_t>(t)];
+    Sigma.resize(model_.outputs, model_.outputs);
+    for (int a = 0; a < kernel_.ny; ++a) {
+      for (int c = 0; c <= a; ++c) Sigma(a, c) = Sigma(c, a) = entry(a, c);
     }
-    for (std::size_t e = 0; e < ny_ * ny_; ++e)
-      Sigma(static_cast<Index>(e)) = R_[e * places_.lanes];
-    Sigma += H * covariance() * H.transpose();
-    out_.store->e_sd.col(t) = Sigma.diagonal().cwiseSqrt();
-    if (out_.keep == Keep::everything) out_.store->Sigma[static_cast<std::size_t>(t)] = Sigma;
   }
 
-  void add_terms(Index t, Likelihood& out) {
+  void add_terms(Index t) {
     if (out_.score_products != nullptr) std::fill_n(run_.gradient, size(1), 0.0);
     simd::add_sample(kernel_, run_);
     if (out_.score_products != nullptr) {
       for (std::size_t i = 0; i < k_; ++i) {
         score_[static_cast<Index>(i)] = run_.gradient[1 + i];
       }
-      out.gradient += score_;
+      gradient_ += score_;
       out_.score_products->noalias() += score_ * score_.transpose();
     }
     if (out_.store == nullptr) return;
@@ -555,23 +586,29 @@ class ExtendedFilter {
     }
   }
 
-  void finish(Index samples, Likelihood& out) {
+  Likelihood finish() const {
+    const auto k = static_cast<Index>(k_);
+    Likelihood out;
+    out.status = status_;
     out.value = -0.5 * (run_.squares + run_.log_det + std::log(run_.determinant) +
-                        kLogTwoPi * static_cast<double>(samples));
+                        kLogTwoPi * static_cast<double>(samples_));
+    out.gradient = gradient_;
+    if (out_.score_products == nullptr)
+      out.gradient += Eigen::Map<const VectorXd>(run_.gradient + 1, k);
+    out.information.resize(k, k);
     for (std::size_t i = 0; i < k_; ++i) {
       const auto row = static_cast<Index>(i);
-      if (out_.score_products == nullptr) out.gradient[row] = run_.gradient[1 + i];
       for (std::size_t j = 0; j <= i; ++j) {
-        const double sum = run_.information[(1 + i) * size(1) + 1 + j];
-        out.information(row, static_cast<Index>(j)) = sum;
-        out.information(static_cast<Index>(j), row) = sum;
+        const auto column = static_cast<Index>(j);
+        out.information(row, column) = out.information(column, row) =
+            run_.information[(1 + i) * size(1) + 1 + j];
       }
     }
-    out.status = status_;
     if (status_ == FilterStatus::ok &&
         !(std::isfinite(out.value) && out.gradient.allFinite() && out.information.allFinite())) {
       out.status = FilterStatus::not_finite;
     }
+    return out;
   }
 
   const NonlinearModel& model_;
@@ -581,7 +618,7 @@ class ExtendedFilter {
   const InputNodes& inputs_;
   const Eigen::Ref<const MatrixXd>& y_;
   const NonlinearFilterOptions& options_;
-  const FilterOutputs& out_;
+  FilterOutputs out_;
   const std::size_t n_, ny_, k_;
   const bool density_, iterated_, by_steps_;
   const Derivatives order_;
@@ -594,10 +631,11 @@ class ExtendedFilter {
   simd::ExtendedRun run_;
   std::size_t all_ = 0;  // numbers of a step: x, S and W
   std::vector<double> memory_of_lanes_;
-  std::vector<int> seen_, channel_;
+  std::vector<int> gain_places_, channel_;
   std::unique_ptr<bool[]> is_seen_;
   double *start_of_step_ = nullptr, *Q_ = nullptr, *R_ = nullptr;
-  VectorXd point_, e_, score_;
+  VectorXd point_, e_, score_, gradient_;  // the latter where scores are taken one by one
+  Index samples_ = 0;
   bool pattern_changed_ = true;
   std::optional<DampedIterations> iterations_;
   std::vector<Repeated> repeated_;
@@ -616,6 +654,26 @@ Likelihood run_extended_filter(const NonlinearModel& model, ModelMemory& memory,
                                const NonlinearFilterOptions& options,
                                const FilterOutputs& outputs) {
   return ExtendedFilter(model, memory, p, noise, directions, inputs, y, options, outputs).run();
+}
+
+GatedFilter gated_extended_filter(const NonlinearModel& model, ModelMemory& memory,
+                                  const Eigen::Ref<const VectorXd>& p, const FilterNoise& noise,
+                                  const InputNodes& inputs, const Eigen::Ref<const MatrixXd>& y,
+                                  const NonlinearFilterOptions& options) {
+  struct Own {
+    Eigen::Ref<const MatrixXd> y;
+    std::vector<FilterDirection> none;
+    std::optional<ExtendedFilter> filter;
+  };
+  const auto own = std::make_shared<Own>(Own{y, {}, {}});
+  own->filter.emplace(model, memory, p, noise, own->none, inputs, own->y, options, FilterOutputs{});
+  GatedFilter out;
+  out.go_to = [own](FilterResult& to, Index& t, Index end) {
+    return own->filter->go_to(to, t, end);
+  };
+  out.state = [own] { return own->filter->predicted(); };
+  out.go_back_to = [own](const std::vector<double>& state) { own->filter->go_back_to(state); };
+  return out;
 }
 
 }  // namespace identikal

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "lib/filter/gated_innovations.h"
 #include "lib/nonlinear/filter.h"
 
 namespace identikal {
@@ -21,5 +22,12 @@ Likelihood run_extended_filter(const NonlinearModel& model, ModelMemory& memory,
                                const std::vector<FilterDirection>& directions,
                                const InputNodes& inputs, const Eigen::Ref<const Eigen::MatrixXd>& y,
                                const NonlinearFilterOptions& options, const FilterOutputs& outputs);
+
+/// The same in steps, which refer to all arguments.
+GatedFilter gated_extended_filter(const NonlinearModel& model, ModelMemory& memory,
+                                  const Eigen::Ref<const Eigen::VectorXd>& p,
+                                  const FilterNoise& noise, const InputNodes& inputs,
+                                  const Eigen::Ref<const Eigen::MatrixXd>& y,
+                                  const NonlinearFilterOptions& options);
 
 }  // namespace identikal

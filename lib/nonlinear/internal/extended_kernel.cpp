@@ -13,6 +13,7 @@
 
 // Pack before those that use it.
 #include "lib/internal/lane_pack.h"
+#include "lib/internal/lane_rows.h"
 #include "lib/internal/lane_scores.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -92,10 +93,12 @@ void FollowStageIn(const ExtendedModel& f, ExtendedRun& r, double weight, double
                  *before = (is_first ? r.begin : r.sum) + b * all * W;
     double *next = r.next_stage + b * all * W, *sum = r.sum + b * all * W;
     const auto put = [&](int o, const Pack<W>& rate) HWY_ATTR {
-      Pack<W> to = Pack<W>::Load(before + o * W), there = Pack<W>::Load(begin + o * W);
+      Pack<W> to = Pack<W>::Load(before + o * W);
       to.Add(weight, rate);
-      there.Add(reach, rate);
       to.Store(sum + o * W);
+      if (reach == 0.0) return;
+      Pack<W> there = Pack<W>::Load(begin + o * W);
+      there.Add(reach, rate);
       there.Store(next + o * W);
     };
     for (int i = 0; i < n; ++i) put(i, MoveValue<W>(f.f, p, stage, all, b, i));
@@ -138,42 +141,85 @@ void MapStateIn(const ExtendedModel& f, ExtendedRun& r) {
   std::swap(r.begin, r.sum);
 }
 
+// Row i of weights times a matrix: `column` says which of its rows each belongs to.
+template <int W>
+HWY_INLINE void MultiplyRow(const double* weights, const int* column, int count, const double* of,
+                            int n, double* to) {
+  Entries some;
+  for (int at = 0; at < count; at += some.count) {
+    some.count = std::min(kMostEntries, count - at);
+    some.weight = weights + at;
+    for (int q = 0; q < some.count; ++q) some.from[q] = of + column[at + q] * n * W;
+    at == 0 ? WeighRows<W, false>(some, n, to) : WeighRows<W, true>(some, n, to);
+  }
+}
+
+// += column j of a matrix times such a row's transpose, from the diagonal down.
+template <int W>
+HWY_INLINE void AddColumn(const double* weights, const int* column, int count, const double* of,
+                          int n, int j, double* to) {
+  Entries some;
+  for (int at = 0; at < count; at += some.count) {
+    some.count = std::min(kMostEntries, count - at);
+    some.weight = weights + at;
+    for (int q = 0; q < some.count; ++q) some.from[q] = of + column[at + q] * W;
+    WeighColumns<W, false>(some, n, j, to, 0.0, nullptr, to);
+  }
+}
+
+template <int W>
+HWY_INLINE void MirrorLower(int n, double* of) {
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < i; ++j) Pack<W>::Load(of + (i * n + j) * W).Store(of + (j * n + i) * W);
+  }
+}
+
 template <int W>
 void PredictCovarianceIn(const ExtendedModel& f, ExtendedRun& r) {
-  const int n = f.n, all = n + f.S_entries + f.W_entries;
-  const double* const S_value = r.begin + n * W;
+  const int n = f.n, all = n + f.S_entries + f.W_entries, nn = n * n;
+  for (int e = 0; e < f.S_entries; ++e) r.S_value[e] = r.begin[(n + e) * W];
   for (int b = 0; b < f.blocks; ++b) {
-    const double *S = r.begin + (b * all + n) * W, *P = r.P + b * n * n * W;
-    double* T = r.T + b * n * n * W;
+    const double* const S = r.begin + (b * all + n) * W;
+    double* const T = r.T + b * nn * W;
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) {
-        Pack<W> sum = Pack<W>::Zero();
-        for (int e = f.S_row[i]; e < f.S_row[i + 1]; ++e) {
-          const int l = f.S_column[e] * n + j;
-          sum.Add(S_value[e * W], Pack<W>::Load(P + l * W));
-          if (f.S_moves[e]) sum.Add(r.P[l * W], Derivatives<W>(S + e * W, b));
+      double* const row = T + i * n * W;
+      const int first = f.S_row[i];
+      MultiplyRow<W>(r.S_value + first, f.S_column + first, f.S_row[i + 1] - first,
+                     r.P + b * nn * W, n, row);
+      for (int e = first; e < f.S_row[i + 1]; ++e) {
+        if (!f.S_moves[e]) continue;
+        const Pack<W> moved = Derivatives<W>(S + e * W, b);
+        for (int j = 0; j < n; ++j) {
+          Pack<W> sum = Pack<W>::Load(row + j * W);
+          sum.Add(r.P[(f.S_column[e] * n + j) * W], moved);
+          sum.Store(row + j * W);
         }
-        sum.Store(T + (i * n + j) * W);
       }
     }
   }
   for (int b = 0; b < f.blocks; ++b) {
-    const double *S = r.begin + (b * all + n) * W, *T = r.T + b * n * n * W;
-    const double* noise = S + f.S_entries * W;
-    double* next = r.next_P + b * n * n * W;
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j <= i; ++j) {
+    const double* const S = r.begin + (b * all + n) * W;
+    const double* const noise = S + f.S_entries * W;
+    double* const next = r.next_P + b * nn * W;
+    for (int j = 0; j < n; ++j) {
+      for (int i = j; i < n; ++i) {
         const int w = f.W_index[i * n + j];
-        Pack<W> sum = w < 0 ? Pack<W>::Zero() : Pack<W>::Load(noise + w * W);
-        for (int e = f.S_row[j]; e < f.S_row[j + 1]; ++e) {
-          const int l = i * n + f.S_column[e];
-          sum.Add(S_value[e * W], Pack<W>::Load(T + l * W));
-          if (f.S_moves[e]) sum.Add(r.T[l * W], Derivatives<W>(S + e * W, b));
+        (w < 0 ? Pack<W>::Zero() : Pack<W>::Load(noise + w * W)).Store(next + (i * n + j) * W);
+      }
+      const int first = f.S_row[j];
+      AddColumn<W>(r.S_value + first, f.S_column + first, f.S_row[j + 1] - first, r.T + b * nn * W,
+                   n, j, next);
+      for (int e = first; e < f.S_row[j + 1]; ++e) {
+        if (!f.S_moves[e]) continue;
+        const Pack<W> moved = Derivatives<W>(S + e * W, b);
+        for (int i = j; i < n; ++i) {
+          Pack<W> sum = Pack<W>::Load(next + (i * n + j) * W);
+          sum.Add(r.T[(i * n + f.S_column[e]) * W], moved);
+          sum.Store(next + (i * n + j) * W);
         }
-        sum.Store(next + (i * n + j) * W);
-        if (i != j) sum.Store(next + (j * n + i) * W);
       }
     }
+    MirrorLower<W>(n, next);
   }
   std::swap(r.P, r.next_P);
 }
@@ -310,42 +356,38 @@ SampleEnd InnovateIn(const ExtendedModel& f, ExtendedRun& r) {
   return SampleEnd::done;
 }
 
-// The states that the outputs see, how many, and T = I - K H, which is that of the others too.
-HWY_INLINE int FindSeen(const ExtendedModel& f, ExtendedRun& r) {
+// T = I - K H, the entries that may differ from zero row by row: those of the states that the outputs
+// see, and the diagonal.
+HWY_INLINE void FindGains(const ExtendedModel& f, ExtendedRun& r) {
   const int n = f.n, m = r.m;
-  std::fill_n(r.gains, n * n, 0.0);
-  for (int l = 0; l < n; ++l) r.gains[l * n + l] = 1.0;
   std::fill_n(r.is_seen, n, false);
   for (int a = 0; a < m; ++a) {
     for (int e = f.h.row[r.channel[a]]; e < f.h.row[r.channel[a] + 1]; ++e) {
-      const int l = f.h.column[e];
-      r.is_seen[l] = true;
-      for (int i = 0; i < n; ++i) r.gains[i * n + l] -= r.K[i * m + a] * r.h.slope[e];
+      r.is_seen[f.h.column[e]] = true;
     }
   }
   int count = 0;
-  for (int l = 0; l < n; ++l) {
-    if (r.is_seen[l]) r.seen[count++] = l;
-  }
-  return count;
-}
-
-// T P of a block, and dH P T', K R.
-template <int W>
-HWY_INLINE void MultiplyByGain(const ExtendedModel& f, ExtendedRun& r, int b, int count) {
-  const int n = f.n, m = r.m;
-  const double* const P = r.P + b * n * n * W;
-  double* const T = r.T + b * n * n * W;
   for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) {
-      Pack<W> sum = r.is_seen[i] ? Pack<W>::Zero() : Pack<W>::Load(P + (i * n + j) * W);
-      for (int q = 0; q < count; ++q) {
-        const int l = r.seen[q];
-        sum.Add(r.gains[i * n + l], Pack<W>::Load(P + (l * n + j) * W));
+    r.gain_row[i] = count;
+    for (int l = 0; l < n; ++l) {
+      if (!r.is_seen[l] && l != i) continue;
+      r.gain_at[l] = count;
+      r.gain_column[count] = l;
+      r.gains[count++] = l == i ? 1.0 : 0.0;
+    }
+    for (int a = 0; a < m; ++a) {
+      for (int e = f.h.row[r.channel[a]]; e < f.h.row[r.channel[a] + 1]; ++e) {
+        r.gains[r.gain_at[f.h.column[e]]] -= r.K[i * m + a] * r.h.slope[e];
       }
-      sum.Store(T + (i * n + j) * W);
     }
   }
+  r.gain_row[n] = count;
+}
+
+// dH P T' and K R of a block; T P is there.
+template <int W>
+HWY_INLINE void MoveGain(const ExtendedModel& f, ExtendedRun& r, int b) {
+  const int n = f.n, m = r.m;
   for (int i = 0; i < n; ++i) {
     for (int a = 0; a < m; ++a) {
       Pack<W> moved = Pack<W>::Zero(), noise = Pack<W>::Zero();
@@ -366,18 +408,20 @@ HWY_INLINE void MultiplyByGain(const ExtendedModel& f, ExtendedRun& r, int b, in
 
 template <int W>
 void CorrectIn(const ExtendedModel& f, ExtendedRun& r) {
-  const int n = f.n, m = r.m, count = FindSeen(f, r);
+  const int n = f.n, m = r.m, nn = n * n;
+  FindGains(f, r);
+  const auto count = [&](int i) { return r.gain_row[i + 1] - r.gain_row[i]; };
   for (int b = 0; b < f.blocks; ++b) {
-    MultiplyByGain<W>(f, r, b, count);
-    const double* const T = r.T + b * n * n * W;
-    double* const next = r.next_P + b * n * n * W;
+    double *const T = r.T + b * nn * W, *const next = r.next_P + b * nn * W;
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j <= i; ++j) {
-        Pack<W> sum = r.is_seen[j] ? Pack<W>::Zero() : Pack<W>::Load(T + (i * n + j) * W);
-        for (int q = 0; q < count; ++q) {
-          const int l = r.seen[q];
-          sum.Add(r.gains[j * n + l], Pack<W>::Load(T + (i * n + l) * W));
-        }
+      const int first = r.gain_row[i];
+      MultiplyRow<W>(r.gains + first, r.gain_column + first, count(i), r.P + b * nn * W, n,
+                     T + i * n * W);
+    }
+    MoveGain<W>(f, r, b);
+    for (int j = 0; j < n; ++j) {
+      for (int i = j; i < n; ++i) {
+        Pack<W> sum = Pack<W>::Zero();
         for (int a = 0; a < m; ++a) {
           sum.Add(r.K[j * m + a], Pack<W>::Load(r.KR + (i * m + a) * W));
           if (f.h.curved == 0) continue;
@@ -385,9 +429,10 @@ void CorrectIn(const ExtendedModel& f, ExtendedRun& r) {
           sum.Subtract(r.K[j * m + a], Pack<W>::Load(r.HX + (i * m + a) * W));
         }
         sum.Store(next + (i * n + j) * W);
-        if (i != j) sum.Store(next + (j * n + i) * W);
       }
+      AddColumn<W>(r.gains + r.gain_row[j], r.gain_column + r.gain_row[j], count(j), T, n, j, next);
     }
+    MirrorLower<W>(n, next);
   }
   std::swap(r.P, r.next_P);
 }

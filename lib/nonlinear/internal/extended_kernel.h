@@ -67,15 +67,18 @@ struct ExtendedRun {
   /// n + S_entries + W_entries numbers in lanes: x, S and W at a step's begin, at a stage and at the
   /// next one, and the sum over stages.
   double *begin = nullptr, *stage = nullptr, *next_stage = nullptr, *sum = nullptr;
+  double* S_value = nullptr;  ///< S_entries
   LanePoint f, h;
   // Of a sample, with its m outputs.
   int m = 0;
   const int* channel = nullptr;  ///< m: of the ny
   double *M = nullptr, *E = nullptr, *Sigma = nullptr, *HX = nullptr,
-         *KR = nullptr;                                   ///< lanes; the last two of a block
-  double* next_x = nullptr;                               ///< lanes
-  double *K = nullptr, *gains = nullptr;                  ///< n x m; n x n
-  int* seen = nullptr;                                    ///< n
+         *KR = nullptr;      ///< lanes; the last two of a block
+  double* next_x = nullptr;  ///< lanes
+  double* K = nullptr;       ///< n x m
+  /// I - K H: up to n x n entries, row by row; n + 1; and by state.
+  double* gains = nullptr;
+  int *gain_row = nullptr, *gain_column = nullptr, *gain_at = nullptr;
   bool* is_seen = nullptr;                                ///< n
   double *L_inverse = nullptr, *Sigma_inverse = nullptr;  ///< m x m
   double *Sie = nullptr, *white_e = nullptr;              ///< m: Sigma^-1 e, L^-1 e
