@@ -37,10 +37,11 @@ FilterResult gated_innovations(
     Eigen::Index most_in_a_row,
     const std::function<int(Eigen::Index t, const FilterResult& so_far)>& far);
 
-/// A filter that goes on in steps, and back.
+/// A filter that goes on in steps, and back. What the functions refer to has to stay.
 struct GatedFilter {
   FilterStatus at_start = FilterStatus::ok;
-  /// Samples t .. end - 1 of y, as it is now: advances t, and leaves e and standardised of them.
+  /// Samples t .. end - 1, 0-based, of y as it is now: advances t, and leaves their columns of e, e_sd
+  /// and standardised, NaN where an output is missing.
   std::function<FilterStatus(FilterResult& out, Eigen::Index& t, Eigen::Index end)> go_to;
   /// All that it knows before the next sample; back to what it knew before another.
   std::function<std::vector<double>()> state;
@@ -48,7 +49,8 @@ struct GatedFilter {
   std::function<bool()> is_diffuse;  ///< before the first proper innovation; null: never
 };
 
-/// The same of any filter that runs over y, of a model with that many states.
+/// The same of any filter that runs over y, of a model with that many states. Other arguments as
+/// above.
 FilterResult gated_innovations(
     const GatedFilter& filter, Eigen::Index states, Eigen::MatrixXd& y, Eigen::Index most_in_a_row,
     const std::function<int(Eigen::Index t, const FilterResult& so_far)>& far);

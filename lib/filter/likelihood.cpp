@@ -14,6 +14,7 @@
 #include "lib/filter/internal/segment.h"
 #include "lib/filter/internal/steady_filter.h"
 #include "lib/filter/internal/tangent_filter.h"
+#include "lib/internal/lane_count.h"
 
 namespace identikal {
 namespace {
@@ -328,7 +329,7 @@ void LikelihoodEngine::Recordings::prepare_tangents(const StateSpace& model, Ini
                                                     const std::vector<StateSpace>& derivatives,
                                                     bool by_kernel) {
   const auto lanes = [](std::size_t k) {
-    const auto in_block = static_cast<std::size_t>(simd::tangent_lanes(static_cast<int>(k)));
+    const auto in_block = static_cast<std::size_t>(simd::lane_count(static_cast<int>(k)));
     return in_block * (k / in_block + 1);
   };
   const std::size_t k = derivatives.size();

@@ -9,6 +9,7 @@
 
 #include "lib/base/message.h"
 #include "lib/internal/add_scaled.h"
+#include "lib/internal/fixed_steps.h"
 #include "lib/model/equilibrium.h"
 #include "lib/model/internal/controlled_motion.h"
 #include "lib/model/internal/doses.h"
@@ -89,14 +90,6 @@ void check_order(const NonlinearModel& model, Derivatives order) {
     throw std::invalid_argument("the model was made without second derivatives");
   }
 }
-
-// The classical method's stages: how far into the step, and their weights.
-struct Stage {
-  double reach, weight;
-  Index node;
-};
-constexpr Stage kStages[] = {
-    {0.0, 1.0 / 6.0, 0}, {0.5, 1.0 / 3.0, 1}, {0.5, 1.0 / 3.0, 1}, {1.0, 1.0 / 6.0, 2}};
 
 // What moves with the state, and where it stands in a vector of ModelMemory. Derivatives are taken
 // by [x; p] at the step's begin, in nx + model.columns columns; curvature row i + nx j is that of
@@ -264,9 +257,6 @@ void add_gramian_rates(const NonlinearModel& model, const MotionParts& parts, Mo
   add_both_triangles(model, moved_half, jacobian);
 }
 
-// Stamps that are irregular have an interval each: what would be kept is not met again.
-constexpr std::size_t kMostRepeated = 256;
-
 // The state with its derivatives and Gramians through the Runge-Kutta steps of an interval.
 void follow_motion(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs, Index k,
                    Eigen::Ref<Eigen::VectorXd> x, Jacobian& jacobian, Derivatives order,
@@ -292,7 +282,7 @@ void follow_motion(const NonlinearModel& model, ModelMemory& m, const InputNodes
     const auto begin = m.begin.head(size), rate = m.rate.head(size);
     sum = begin;
     at_stage = begin;
-    for (const Stage& stage : kStages) {
+    for (const RungeKuttaStage& stage : kRungeKuttaStages) {
       if (stage.reach > 0.0) at_stage = begin + (stage.reach * h) * rate;
       evaluate_rates(model, m, order, m.stage.data(),
                      inputs.u.col(first + 2 * i + stage.node).data(),
@@ -316,10 +306,7 @@ void follow_motion(const NonlinearModel& model, ModelMemory& m, const InputNodes
 const RepeatedStep* made_before(const ModelMemory& m, const InputNodes& inputs, Index k,
                                 Derivatives order, const Gramians* gramians) {
   const double interval = inputs.time[k + 1] - inputs.time[k];
-  // Both stamps are rounded, and so were those of the step made before.
-  const double rounding =
-      4.0 * std::numeric_limits<double>::epsilon() *
-      std::max(std::abs(inputs.time[0]), std::abs(inputs.time[inputs.time.size() - 1]));
+  const double rounding = interval_rounding(inputs.time);
   for (const RepeatedStep& each : m.repeated) {
     if (std::abs(each.interval - interval) > rounding || each.order != order ||
         each.steps != inputs.steps[static_cast<std::size_t>(k)]) {
@@ -579,7 +566,7 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   for (int i = 0; i < steps; ++i) {
     sum = x;
     at_stage = x;
-    for (const Stage& stage : kStages) {
+    for (const RungeKuttaStage& stage : kRungeKuttaStages) {
       if (stage.reach > 0.0) at_stage = x + (stage.reach * h) * rate;
       evaluate_rates(model, m, at_stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
                      inputs.time[k] + (i + stage.reach) * h);

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
+#include "lib/base/constants.h"
 #include "lib/base/message.h"
 #include "lib/base/nearest_turn.h"
 #include "lib/filter/gated_innovations.h"
@@ -22,8 +22,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 void check_noise(const NonlinearModel& model, const FilterNoise& noise, const char* whose) {
   const Index nx = model.states, ny = model.outputs;
@@ -224,7 +222,7 @@ class NonlinearRecursion {
       const FilterStatus scaled =
           scaled_.set(t, now_.x, now_.dx, inputs_.at_sample.col(t), inputs_.time[t], R_, dR_);
       if (present_count_ > 0 && !is_ok(scaled)) return;
-      if (scaled != FilterStatus::ok) R_.setConstant(kNan);  // that no measurement needs
+      if (scaled != FilterStatus::ok) R_.setConstant(kNaN);  // that no measurement needs
     }
     if (output_error_) {
       measure_simulation(t);
@@ -247,8 +245,8 @@ class NonlinearRecursion {
   void keep_covariance(Index t, const MatrixXd& Sigma) {
     if (store_ == nullptr) return;
     // What was there of the sample before is no more.
-    store_->e.col(t).setConstant(kNan);
-    store_->standardised.col(t).setConstant(kNan);
+    store_->e.col(t).setConstant(kNaN);
+    store_->standardised.col(t).setConstant(kNaN);
     store_->e_sd.col(t) = Sigma.diagonal().cwiseSqrt();
     if (states_) store_->Sigma[t] = Sigma;
   }

@@ -104,7 +104,10 @@ FilterResult nonlinear_filter(const NonlinearModel& model,
                               Keep keep = Keep::everything);
 
 /// Its innovations behind a gate (lib/filter/gated_innovations.h).
-/// @param y  ny x N, NaN = missing; receives NaN where an output was refused
+/// Arguments and exceptions as nonlinear_filter(), and:
+/// @param y    ny x N, NaN = missing; receives NaN where an output was refused
+/// @param most_in_a_row  of the samples that an output has
+/// @param far  the output of sample t that is to go, 0-based, or -1
 FilterResult gated_innovations(
     const NonlinearModel& model, const Eigen::Ref<const Eigen::VectorXd>& p,
     const FilterNoise& noise, const InputNodes& inputs, Eigen::MatrixXd& y,

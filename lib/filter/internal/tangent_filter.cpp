@@ -9,6 +9,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/filter/internal/sensitivity.h"
+#include "lib/internal/lane_count.h"
 #include "lib/internal/stationary_start.h"
 
 namespace identikal {
@@ -104,7 +105,7 @@ void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpac
   model_ = &model;
   derivatives_ = &derivatives;
   n_ = model.states(), ny_ = model.outputs(), nu_ = model.inputs();
-  lanes_ = static_cast<std::size_t>(simd::tangent_lanes(static_cast<int>(derivatives.size())));
+  lanes_ = static_cast<std::size_t>(simd::lane_count(static_cast<int>(derivatives.size())));
   blocks_ = derivatives.size() / lanes_ + 1;
   find_structure();
   fill_A();

@@ -552,8 +552,6 @@ HWY_AFTER_NAMESPACE();
 
 namespace identikal::simd {
 
-int tangent_lanes(int derivatives) { return derivatives < 4 ? 4 : 8; }
-
 TangentEnd run_tangents(const TangentModel& model, TangentRun& run, const double* y, int ny,
                         const double* u, long& t, long end, bool stop_when_settled) {
   return IDENTIKAL_DISPATCH(RunTangents)(model, run, y, ny, u, t, end, stop_when_settled);

@@ -17,10 +17,6 @@
 
 namespace identikal::simd {
 
-/// How many lanes a number has in a block, for a value and k derivatives: 1 + k lanes take as many
-/// blocks as they need.
-int tangent_lanes(int derivatives);
-
 /// A model with the channels that a sample has, m of them. Numbers in lanes: matrix [i][j] of
 /// rows x cols, block b, lane l at ((b rows + i) cols + j) lanes + l.
 struct TangentModel {

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -11,6 +9,7 @@
 #include "lib/base/constants.h"
 #include "lib/base/nearest_turn.h"
 #include "lib/internal/direction_stack.h"
+#include "lib/internal/fixed_steps.h"
 #include "lib/nonlinear/internal/chain.h"
 #include "lib/nonlinear/internal/damped_iterations.h"
 #include "lib/nonlinear/internal/extended_kernel.h"
@@ -24,21 +23,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kUpdateSettled = 1e-10;  // of a standard deviation, iterated update
-// Steps of a model that is linear in its state are kept, for so many lengths of an interval.
-constexpr std::size_t kMostRepeated = 256;
-
-// The classical Runge-Kutta method's stages: how far into the step, their weights, the way to the
-// next one, and the node of the inputs.
-struct Stage {
-  double reach, weight, to_next;
-  Index node;
-};
-constexpr Stage kStages[] = {{0.0, 1.0 / 6.0, 0.5, 0},
-                             {0.5, 1.0 / 3.0, 0.5, 1},
-                             {0.5, 1.0 / 3.0, 1.0, 1},
-                             {1.0, 1.0 / 6.0, 0.0, 2}};
 
 bool moves_by_steps(const NonlinearModel& model, const InputNodes& inputs) {
   return model.doses.values > 0 ||
@@ -142,17 +127,17 @@ class ExtendedFilter {
     kernel_.derivatives = static_cast<int>(k_);
     kernel_.f = f_.slopes();
     kernel_.h = h_.slopes();
-    kernel_.S_entries = static_cast<int>(pattern_.S_column.size());
-    kernel_.S_row = pattern_.S_row.data();
-    kernel_.S_column = pattern_.S_column.data();
-    kernel_.S_moves = pattern_.S_moves.data();
+    kernel_.Phi_entries = static_cast<int>(pattern_.Phi_column.size());
+    kernel_.Phi_row = pattern_.Phi_row.data();
+    kernel_.Phi_column = pattern_.Phi_column.data();
+    kernel_.Phi_moves = pattern_.Phi_moves.data();
     kernel_.W_entries = pattern_.W_entries;
     kernel_.W_index = pattern_.W_index.data();
-    kernel_.S_terms = pattern_.S_terms.terms();
-    kernel_.S_moved = pattern_.S_moved.terms();
+    kernel_.Phi_terms = pattern_.Phi_terms.terms();
+    kernel_.Phi_moved = pattern_.Phi_moved.terms();
     kernel_.W_terms = pattern_.W_terms.terms();
     kernel_.W_moved = pattern_.W_moved.terms();
-    all_ = n_ + pattern_.S_column.size() + static_cast<std::size_t>(pattern_.W_entries);
+    all_ = n_ + pattern_.Phi_column.size() + static_cast<std::size_t>(pattern_.W_entries);
   }
 
   void reserve() {
@@ -168,7 +153,7 @@ class ExtendedFilter {
         {&run_.next_stage, size(all_)},
         {&run_.sum, size(all_)},
         {&start_of_step_, size(all_)},
-        {&run_.S_value, pattern_.S_column.size()},
+        {&run_.Phi_value, pattern_.Phi_column.size()},
         {&Q_, size(static_cast<std::size_t>(pattern_.W_entries))},
         {&R_, size(m * m)},
         {&run_.M, size(n * m)},
@@ -236,11 +221,11 @@ class ExtendedFilter {
         noise_.R.isDiagonal(0.0) &&
         std::all_of(directions_.begin(), directions_.end(),
                     [](const FilterDirection& d) { return d.noise.R.isDiagonal(0.0); });
-    // A step begins with S = I, and W = 0 or, where Q is that of a sample, W = Q.
-    const auto of_motion = pattern_.S_column.size();
+    // A step begins with Phi = I, and W = 0 or, where Q is that of a sample, W = Q.
+    const auto of_motion = pattern_.Phi_column.size();
     for (std::size_t i = 0; i < n_; ++i) {
-      for (int e = pattern_.S_row[i]; e < pattern_.S_row[i + 1]; ++e) {
-        if (pattern_.S_column[e] == static_cast<int>(i)) {
+      for (int e = pattern_.Phi_row[i]; e < pattern_.Phi_row[i + 1]; ++e) {
+        if (pattern_.Phi_column[e] == static_cast<int>(i)) {
           start_of_step_[places_(all_, n_ + static_cast<std::size_t>(e), 0)] = 1.0;
         }
       }
@@ -291,17 +276,13 @@ class ExtendedFilter {
       out(static_cast<Index>(i)) = run_.P[i * places_.lanes];
     return out;
   }
-  void take_derivatives(const double* of, Stack& out) const {
-    const auto numbers = static_cast<std::size_t>(out.rows());
+  Stack derivatives(const double* of, std::size_t numbers) const {
+    Stack out(static_cast<Index>(numbers), static_cast<Index>(k_));
     for (std::size_t i = 0; i < numbers; ++i) {
       for (std::size_t at = 1; at <= k_; ++at) {
         out(static_cast<Index>(i), static_cast<Index>(at) - 1) = of[places_(numbers, i, at)];
       }
     }
-  }
-  Stack derivatives(const double* of, std::size_t numbers) const {
-    Stack out(static_cast<Index>(numbers), static_cast<Index>(k_));
-    take_derivatives(of, out);
     return out;
   }
   void keep_prediction(Index t) {
@@ -344,7 +325,7 @@ class ExtendedFilter {
     const FilterStatus scaled =
         scaled_.set(t, state(), dx, inputs_.at_sample.col(t), inputs_.time[t], R, dR);
     if (run_.m > 0 && !is_ok(scaled)) return;
-    if (scaled != FilterStatus::ok) R.setConstant(kNan);  // that no measurement needs
+    if (scaled != FilterStatus::ok) R.setConstant(kNaN);  // that no measurement needs
     for (std::size_t e = 0; e < ny_ * ny_; ++e) {
       R_[places_(ny_ * ny_, e, 0)] = R(static_cast<Index>(e));
       for (std::size_t i = 0; i < k_; ++i) {
@@ -412,8 +393,8 @@ class ExtendedFilter {
   // Sigma of all outputs, measured or not. What was there of the sample before is no more.
   void keep_innovation_covariance(Index t) {
     if (out_.store == nullptr) return;
-    out_.store->e.col(t).setConstant(kNan);
-    out_.store->standardised.col(t).setConstant(kNan);
+    out_.store->e.col(t).setConstant(kNaN);
+    out_.store->standardised.col(t).setConstant(kNaN);
     const simd::LaneSlopes& h = kernel_.h;
     const auto entry = [&](int a, int c) {
       double sum = R_[static_cast<std::size_t>(a * kernel_.ny + c) * places_.lanes];
@@ -501,7 +482,7 @@ class ExtendedFilter {
     const int steps = inputs_.steps[interval];
     const double length = (inputs_.time[t + 1] - inputs_.time[t]) / steps;
     for (int i = 0; i < steps; ++i) {
-      for (const Stage& stage : kStages) {
+      for (const RungeKuttaStage& stage : kRungeKuttaStages) {
         const bool first = stage.node == 0;
         take_rates(first ? run_.begin : run_.stage,
                    inputs_.u.col(inputs_.first[interval] + 2 * i + stage.node),
@@ -513,7 +494,7 @@ class ExtendedFilter {
     }
   }
 
-  // Of a model that is linear in its state: S and W are those of every interval of that length.
+  // Of a model that is linear in its state: Phi and W are those of every interval of that length.
   struct Repeated {
     double interval = 0.0;
     int steps = 0;
@@ -521,10 +502,7 @@ class ExtendedFilter {
   };
   const Repeated* made_before(Index t) const {
     const double interval = inputs_.time[t + 1] - inputs_.time[t];
-    // Both stamps are rounded, and so were those of the step made before.
-    const double rounding =
-        4.0 * std::numeric_limits<double>::epsilon() *
-        std::max(std::abs(inputs_.time[0]), std::abs(inputs_.time[inputs_.time.size() - 1]));
+    const double rounding = interval_rounding(inputs_.time);
     for (const Repeated& each : repeated_) {
       if (each.steps == inputs_.steps[static_cast<std::size_t>(t)] &&
           std::abs(each.interval - interval) <= rounding) {
@@ -550,16 +528,16 @@ class ExtendedFilter {
     const Stack dx = derivatives(run_.x, n_);
     const auto n = static_cast<Index>(n_), k = static_cast<Index>(k_);
     step(model_, memory_, inputs_, t, x, moved_, order_, density_ ? &gramians_ : nullptr);
-    Stack next_dx = Stack::Zero(n, k), dS = Stack::Zero(n * n, k), dW = dS;
+    Stack next_dx = Stack::Zero(n, k), dPhi = Stack::Zero(n * n, k), dW = dPhi;
     chain_.add(moved_.wrt_x, moved_.wrt_p, dx, next_dx);
-    if (k > 0) chain_.set(moved_.wrt_x_jacobian, dx, dS);
+    if (k > 0) chain_.set(moved_.wrt_x_jacobian, dx, dPhi);
     put(run_.begin, 0, x, next_dx);
-    const MatrixXd S = moved_.wrt_x;
-    Stack rows(n * n, k);  // S is kept row by row
+    const MatrixXd Phi = moved_.wrt_x;
+    Stack rows(n * n, k);  // Phi is kept row by row
     for (Index i = 0; i < n; ++i) {
-      for (Index j = 0; j < n; ++j) rows.row(j + n * i) = dS.row(i + n * j);
+      for (Index j = 0; j < n; ++j) rows.row(j + n * i) = dPhi.row(i + n * j);
     }
-    put(run_.begin, n_, S.transpose().reshaped(), rows);
+    put(run_.begin, n_, Phi.transpose().reshaped(), rows);
     if (!density_) return;
     if (k > 0) chain_.set(gramians_.jacobian, dx, dW);
     for (std::size_t j = 0; j < moving_densities_.size(); ++j) {
@@ -629,12 +607,13 @@ class ExtendedFilter {
   MotionPattern pattern_;
   simd::ExtendedModel kernel_;
   simd::ExtendedRun run_;
-  std::size_t all_ = 0;  // numbers of a step: x, S and W
+  std::size_t all_ = 0;  // numbers of a step: x, Phi and W
   std::vector<double> memory_of_lanes_;
   std::vector<int> gain_places_, channel_;
   std::unique_ptr<bool[]> is_seen_;
   double *start_of_step_ = nullptr, *Q_ = nullptr, *R_ = nullptr;
-  VectorXd point_, e_, score_, gradient_;  // the latter where scores are taken one by one
+  VectorXd point_, e_;
+  VectorXd score_, gradient_;  // of a sample and of all, where scores are taken one by one
   Index samples_ = 0;
   bool pattern_changed_ = true;
   std::optional<DampedIterations> iterations_;

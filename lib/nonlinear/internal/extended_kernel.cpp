@@ -82,7 +82,7 @@ HWY_INLINE void AddTerms(const LaneTerms& terms, const LaneTerms& moved, const d
 template <int W>
 void FollowStageIn(const ExtendedModel& f, ExtendedRun& r, double weight, double reach,
                    bool is_first, bool state_alone) {
-  const int n = f.n, all = n + f.S_entries + f.W_entries, at_W = n + f.S_entries;
+  const int n = f.n, all = n + f.Phi_entries + f.W_entries, at_W = n + f.Phi_entries;
   const double* const stage = is_first ? r.begin : r.stage;
   const LanePoint& p = r.f;
   if (!state_alone) MoveSlopes<W>(f.f, p, stage, all, f.blocks);
@@ -103,9 +103,9 @@ void FollowStageIn(const ExtendedModel& f, ExtendedRun& r, double weight, double
     };
     for (int i = 0; i < n; ++i) put(i, MoveValue<W>(f.f, p, stage, all, b, i));
     if (state_alone) continue;
-    for (int o = 0; o < f.S_entries; ++o) {
+    for (int o = 0; o < f.Phi_entries; ++o) {
       Pack<W> rate = Pack<W>::Zero();
-      AddTerms<W>(f.S_terms, f.S_moved, p.slope, theta, stage + n * W, from + n * W, o, rate);
+      AddTerms<W>(f.Phi_terms, f.Phi_moved, p.slope, theta, stage + n * W, from + n * W, o, rate);
       put(n + o, rate);
     }
     for (int o = 0; o < f.W_entries; ++o) {
@@ -119,23 +119,23 @@ void FollowStageIn(const ExtendedModel& f, ExtendedRun& r, double weight, double
 
 template <int W>
 void MapStateIn(const ExtendedModel& f, ExtendedRun& r) {
-  const int n = f.n, all = n + f.S_entries + f.W_entries;
+  const int n = f.n, all = n + f.Phi_entries + f.W_entries;
   const LanePoint& p = r.f;
   MoveSlopes<W>(f.f, p, r.begin, all, f.blocks);
   for (int b = 0; b < f.blocks; ++b) {
     for (int i = 0; i < n; ++i) {
       MoveValue<W>(f.f, p, r.begin, all, b, i).Store(r.sum + (b * all + i) * W);
     }
-    double* S = r.sum + (b * all + n) * W;
-    for (int e = 0; e < f.S_entries; ++e) {
-      (b == 0 ? Pack<W>::First(p.slope[e]) : Pack<W>::Zero()).Store(S + e * W);
+    double* Phi = r.sum + (b * all + n) * W;
+    for (int e = 0; e < f.Phi_entries; ++e) {
+      (b == 0 ? Pack<W>::First(p.slope[e]) : Pack<W>::Zero()).Store(Phi + e * W);
     }
     for (int c = 0; c < f.f.curved; ++c) {
-      Pack<W> moved = Pack<W>::Load(S + f.f.entry[c] * W);
+      Pack<W> moved = Pack<W>::Load(Phi + f.f.entry[c] * W);
       moved.Add(Pack<W>::Load(p.theta + (b * f.f.curved + c) * W));
-      moved.Store(S + f.f.entry[c] * W);
+      moved.Store(Phi + f.f.entry[c] * W);
     }
-    std::memcpy(S + f.S_entries * W, r.begin + (b * all + n + f.S_entries) * W,
+    std::memcpy(Phi + f.Phi_entries * W, r.begin + (b * all + n + f.Phi_entries) * W,
                 sizeof(double) * static_cast<std::size_t>(f.W_entries * W));
   }
   std::swap(r.begin, r.sum);
@@ -176,45 +176,45 @@ HWY_INLINE void MirrorLower(int n, double* of) {
 
 template <int W>
 void PredictCovarianceIn(const ExtendedModel& f, ExtendedRun& r) {
-  const int n = f.n, all = n + f.S_entries + f.W_entries, nn = n * n;
-  for (int e = 0; e < f.S_entries; ++e) r.S_value[e] = r.begin[(n + e) * W];
+  const int n = f.n, all = n + f.Phi_entries + f.W_entries, nn = n * n;
+  for (int e = 0; e < f.Phi_entries; ++e) r.Phi_value[e] = r.begin[(n + e) * W];
   for (int b = 0; b < f.blocks; ++b) {
-    const double* const S = r.begin + (b * all + n) * W;
+    const double* const Phi = r.begin + (b * all + n) * W;
     double* const T = r.T + b * nn * W;
     for (int i = 0; i < n; ++i) {
       double* const row = T + i * n * W;
-      const int first = f.S_row[i];
-      MultiplyRow<W>(r.S_value + first, f.S_column + first, f.S_row[i + 1] - first,
+      const int first = f.Phi_row[i];
+      MultiplyRow<W>(r.Phi_value + first, f.Phi_column + first, f.Phi_row[i + 1] - first,
                      r.P + b * nn * W, n, row);
-      for (int e = first; e < f.S_row[i + 1]; ++e) {
-        if (!f.S_moves[e]) continue;
-        const Pack<W> moved = Derivatives<W>(S + e * W, b);
+      for (int e = first; e < f.Phi_row[i + 1]; ++e) {
+        if (!f.Phi_moves[e]) continue;
+        const Pack<W> moved = Derivatives<W>(Phi + e * W, b);
         for (int j = 0; j < n; ++j) {
           Pack<W> sum = Pack<W>::Load(row + j * W);
-          sum.Add(r.P[(f.S_column[e] * n + j) * W], moved);
+          sum.Add(r.P[(f.Phi_column[e] * n + j) * W], moved);
           sum.Store(row + j * W);
         }
       }
     }
   }
   for (int b = 0; b < f.blocks; ++b) {
-    const double* const S = r.begin + (b * all + n) * W;
-    const double* const noise = S + f.S_entries * W;
+    const double* const Phi = r.begin + (b * all + n) * W;
+    const double* const noise = Phi + f.Phi_entries * W;
     double* const next = r.next_P + b * nn * W;
     for (int j = 0; j < n; ++j) {
       for (int i = j; i < n; ++i) {
         const int w = f.W_index[i * n + j];
         (w < 0 ? Pack<W>::Zero() : Pack<W>::Load(noise + w * W)).Store(next + (i * n + j) * W);
       }
-      const int first = f.S_row[j];
-      AddColumn<W>(r.S_value + first, f.S_column + first, f.S_row[j + 1] - first, r.T + b * nn * W,
-                   n, j, next);
-      for (int e = first; e < f.S_row[j + 1]; ++e) {
-        if (!f.S_moves[e]) continue;
-        const Pack<W> moved = Derivatives<W>(S + e * W, b);
+      const int first = f.Phi_row[j];
+      AddColumn<W>(r.Phi_value + first, f.Phi_column + first, f.Phi_row[j + 1] - first,
+                   r.T + b * nn * W, n, j, next);
+      for (int e = first; e < f.Phi_row[j + 1]; ++e) {
+        if (!f.Phi_moves[e]) continue;
+        const Pack<W> moved = Derivatives<W>(Phi + e * W, b);
         for (int i = j; i < n; ++i) {
           Pack<W> sum = Pack<W>::Load(next + (i * n + j) * W);
-          sum.Add(r.T[(i * n + f.S_column[e]) * W], moved);
+          sum.Add(r.T[(i * n + f.Phi_column[e]) * W], moved);
           sum.Store(next + (i * n + j) * W);
         }
       }
@@ -475,8 +475,6 @@ HWY_AFTER_NAMESPACE();
 #include "lib/internal/instruction_set.h"
 
 namespace identikal::simd {
-
-int extended_lanes(int derivatives) { return derivatives < 4 ? 4 : 8; }
 
 void follow_stage(const ExtendedModel& model, ExtendedRun& run, double weight, double reach,
                   bool is_first, bool state_alone) {

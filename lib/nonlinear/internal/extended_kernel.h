@@ -4,7 +4,7 @@
 //
 // Motion, with F = df/dx along it and dF its derivatives by the directions:
 //
-//   x' = f(x),  S' = F S,  W' = F W + W F' + Q,   P+ = S P S' + W
+//   x' = f(x),  Phi' = F Phi,  W' = F W + W F' + Q,   P+ = Phi P Phi' + W
 //
 // A sample, linearised at xi with H = dh/dx:
 //
@@ -16,9 +16,6 @@
 #pragma once
 
 namespace identikal::simd {
-
-/// How many lanes a number has in a block, for a value and k derivatives.
-int extended_lanes(int derivatives);
 
 /// Sums of products: entry o is the sum of factor[at] times number in[at], row[o] <= at < row[o + 1].
 struct LaneTerms {
@@ -47,15 +44,15 @@ struct LanePoint {
 struct ExtendedModel {
   int n = 0, ny = 0, blocks = 0, lanes = 0, derivatives = 0;
   LaneSlopes f, h;
-  /// What S consists of: entries row by row. Those that any direction moves.
-  int S_entries = 0;
-  const int *S_row = nullptr, *S_column = nullptr;
-  const char* S_moves = nullptr;
+  /// Phi's entries row by row, and which of them any direction moves.
+  int Phi_entries = 0;
+  const int *Phi_row = nullptr, *Phi_column = nullptr;
+  const char* Phi_moves = nullptr;
   /// Of W, the entries of the lower triangle; n x n: which one, or -1.
   int W_entries = 0;
   const int* W_index = nullptr;
-  // Rates of S and W: by the slopes of f, and by the curved ones times what is in the first lane.
-  LaneTerms S_terms, S_moved, W_terms, W_moved;
+  // Rates of Phi and W: by the slopes of f, and by the curved ones times what is in the first lane.
+  LaneTerms Phi_terms, Phi_moved, W_terms, W_moved;
   const double* Q = nullptr;  ///< W_entries, lanes
   const double* R = nullptr;  ///< ny x ny, lanes
   bool diagonal_R = true;
@@ -64,10 +61,10 @@ struct ExtendedModel {
 struct ExtendedRun {
   double *x = nullptr, *P = nullptr, *next_P = nullptr, *T = nullptr;  ///< lanes; n x n row by row
   double* xi = nullptr;  ///< n, lanes: where h is linearised; the state itself or another
-  /// n + S_entries + W_entries numbers in lanes: x, S and W at a step's begin, at a stage and at the
-  /// next one, and the sum over stages.
+  /// n + Phi_entries + W_entries numbers in lanes: x, Phi and W at a step's begin, at a stage and at
+  /// the next one, and the sum over stages.
   double *begin = nullptr, *stage = nullptr, *next_stage = nullptr, *sum = nullptr;
-  double* S_value = nullptr;  ///< S_entries
+  double* Phi_value = nullptr;  ///< Phi_entries
   LanePoint f, h;
   // Of a sample, with its m outputs.
   int m = 0;
@@ -97,10 +94,10 @@ struct ExtendedRun {
 void follow_stage(const ExtendedModel& model, ExtendedRun& run, double weight, double reach,
                   bool is_first, bool state_alone);
 
-/// x = f(x), and S = F, in the place of a step's begin.
+/// x = f(x), and Phi = F, in the place of a step's begin.
 void map_state(const ExtendedModel& model, ExtendedRun& run);
 
-/// P = S P S' + W, of the S and W at the step's begin.
+/// P = Phi P Phi' + W, of the Phi and W at the step's begin.
 void predict_covariance(const ExtendedModel& model, ExtendedRun& run);
 
 enum class SampleEnd { done, indefinite, not_finite };

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "lib/internal/lane_count.h"
+
 namespace identikal {
 
 using Eigen::Index;
@@ -10,7 +12,7 @@ using Pattern = Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic>;
 LanePlaces::LanePlaces(const NonlinearModel& model, const std::vector<FilterDirection>& directions)
     : of_column(static_cast<std::size_t>(model.columns)) {
   const auto k = static_cast<int>(directions.size());
-  lanes = static_cast<std::size_t>(simd::extended_lanes(k));
+  lanes = static_cast<std::size_t>(simd::lane_count(k));
   blocks = (1 + directions.size() + lanes - 1) / lanes;
   for (std::size_t i = 0; i < directions.size(); ++i) {
     if (directions[i].parameter < 0) continue;
@@ -122,6 +124,34 @@ void grow_until_all_are_there(Pattern& pattern, const Grow& grow) {
   }
 }
 
+// Phi and W where they may differ from zero, and the entries of Phi that move.
+struct MotionEntries {
+  Pattern Phi, W, moves;
+};
+
+MotionEntries entries_of(const Pattern& F, const Pattern& curved, const Pattern& noisy,
+                         Motion motion, bool density) {
+  MotionEntries out{F, noisy, curved};
+  if (motion == Motion::map) return out;
+  if (motion == Motion::any) {
+    out.Phi.setConstant(true);
+    out.moves.setConstant(true);
+    if (density) out.W.setConstant(true);
+    return out;
+  }
+  out.Phi.setConstant(false);
+  out.Phi.matrix().diagonal().setConstant(true);
+  grow_until_all_are_there(out.Phi, [&] { return product_of(F, out.Phi); });
+  out.moves = product_of(curved, out.Phi);
+  grow_until_all_are_there(out.moves, [&] { return product_of(F, out.moves); });
+  if (!density) return out;
+  grow_until_all_are_there(out.W, [&]() -> Pattern {
+    const Pattern half = product_of(F, out.W);
+    return half || half.transpose();
+  });
+  return out;
+}
+
 }  // namespace
 
 void TermList::add(int factor_at, int in_at) {
@@ -131,47 +161,24 @@ void TermList::add(int factor_at, int in_at) {
 
 MotionPattern motion_pattern(const FormulaSlopes& slopes, Derivatives order, Index n, Motion motion,
                              const Eigen::Ref<const Eigen::MatrixXd>& noisy, bool density) {
-  Pattern F = Pattern::Constant(n, n, false), curved = F, S = F;
-  for (const auto& [i, j] : slopes.wrt_x) F(i, j) = true;
-  if (order == Derivatives::second) {
-    for (const auto& [i, j] : slopes.curved) curved(i, j) = true;
-  }
-  Pattern moves = curved, W = noisy.array() != 0.0;
-  if (motion == Motion::any) {
-    S.setConstant(true);
-    moves.setConstant(order == Derivatives::second);
-    if (density) W.setConstant(true);
-  } else if (motion == Motion::map) {
-    S = F;
-  } else {
-    S.matrix().diagonal().setConstant(true);
-    grow_until_all_are_there(S, [&] { return product_of(F, S); });
-    moves = product_of(curved, S);
-    grow_until_all_are_there(moves, [&] { return product_of(F, moves); });
-    if (density) {
-      grow_until_all_are_there(W, [&]() -> Pattern {
-        const Pattern half = product_of(F, W);
-        return half || half.transpose();
-      });
-    }
-  }
-  MotionPattern out;
-  Eigen::ArrayXXi at_F = Eigen::ArrayXXi::Constant(n, n, -1), at_curved = at_F, at_S = at_F,
+  const bool derived = order == Derivatives::second;
+  Eigen::ArrayXXi at_F = Eigen::ArrayXXi::Constant(n, n, -1), at_curved = at_F, at_Phi = at_F,
                   at_W = at_F;
   int count = 0;
   for (const auto& [i, j] : slopes.wrt_x) at_F(i, j) = count++;
   count = 0;
-  for (const auto& [i, j] : slopes.curved) {
-    if (curved(i, j)) at_curved(i, j) = count++;
-  }
+  for (const auto& [i, j] : slopes.curved) at_curved(i, j) = derived ? count++ : -1;
+  const auto [Phi, W, moves] =
+      entries_of(at_F >= 0, at_curved >= 0, noisy.array() != 0.0, motion, density);
+  MotionPattern out;
   for (Index i = 0; i < n; ++i) {
     for (Index j = 0; j < n; ++j) {
-      if (!S(i, j)) continue;
-      at_S(i, j) = static_cast<int>(out.S_column.size());
-      out.S_column.push_back(static_cast<int>(j));
-      out.S_moves.push_back(moves(i, j) ? 1 : 0);
+      if (!Phi(i, j)) continue;
+      at_Phi(i, j) = static_cast<int>(out.Phi_column.size());
+      out.Phi_column.push_back(static_cast<int>(j));
+      out.Phi_moves.push_back(derived && moves(i, j) ? 1 : 0);
     }
-    out.S_row.push_back(static_cast<int>(out.S_column.size()));
+    out.Phi_row.push_back(static_cast<int>(out.Phi_column.size()));
     for (Index j = 0; j <= i; ++j) {
       if (W(i, j)) at_W(i, j) = at_W(j, i) = out.W_entries++;
     }
@@ -188,11 +195,11 @@ MotionPattern motion_pattern(const FormulaSlopes& slopes, Derivatives order, Ind
   };
   for (Index i = 0; i < n; ++i) {
     for (Index j = 0; j < n; ++j) {
-      if (!S(i, j)) continue;
-      if (follows) add_products(at_F, i, at_S, j, out.S_terms);
-      if (follows) add_products(at_curved, i, at_S, j, out.S_moved);
-      out.S_terms.end_entry();
-      out.S_moved.end_entry();
+      if (!Phi(i, j)) continue;
+      if (follows) add_products(at_F, i, at_Phi, j, out.Phi_terms);
+      if (follows) add_products(at_curved, i, at_Phi, j, out.Phi_moved);
+      out.Phi_terms.end_entry();
+      out.Phi_moved.end_entry();
     }
   }
   for (Index i = 0; i < n; ++i) {

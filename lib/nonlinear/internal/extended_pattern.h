@@ -53,18 +53,19 @@ struct TermList {
   simd::LaneTerms terms() const { return {row.data(), factor.data(), in.data()}; }
 };
 
-/// Where S and W come from.
+/// Where Phi and W come from.
 enum class Motion {
   equations,  ///< differential equations
-  map,        ///< S is df/dx, W is Q
+  map,        ///< Phi is df/dx, W is Q
   any,        ///< nothing is known but that W is symmetric
 };
-/// S = dx(k+1)/dx(k) and W, the covariance that the noise adds on the way.
+/// Phi = dx(k+1)/dx(k) and W, the covariance that the noise adds between two samples.
 struct MotionPattern {
-  std::vector<int> S_row{0}, S_column, W_index;  ///< W_index: n x n, of the lower triangle, or -1
-  std::vector<char> S_moves;
+  std::vector<int> Phi_row{0}, Phi_column,
+      W_index;  ///< W_index: n x n, of the lower triangle, or -1
+  std::vector<char> Phi_moves;
   int W_entries = 0;
-  TermList S_terms, S_moved, W_terms, W_moved;
+  TermList Phi_terms, Phi_moved, W_terms, W_moved;
 };
 /// @param slopes   of f
 /// @param noisy    n x n, symmetric: entries of Q, or of its derivatives, that are not zero
