@@ -22,7 +22,7 @@ struct Profiled {
 /// What the root of twice the drop may miss at the end of an interval.
 constexpr double kNearEnd = 3e-4;
 
-/// The value of the coordinate where the profile has fallen to
+/// Where the profile of the coordinate has fallen to
 ///   L(x) - max over the others = target^2 / 2,
 /// or the bound where it does not fall so far, by Newton's method on the coordinate and the others at
 /// once: one evaluation a step, where searching at every value takes several. The observed
@@ -35,10 +35,13 @@ constexpr double kNearEnd = 3e-4;
 /// Example:
 ///
 ///     const double se = 1.0 / std::sqrt(at.information(at.i, at.i));
-///     const std::optional<double> upper = end_at_once(at, 1.96 * se, 1.96, true);
+///     const auto lower = end_at_once(at, -1.96 * se, 1.96, true);
+///     const auto upper = end_at_once(at, 1.96 * se, 1.96, true, lower ? &*lower : nullptr);
 ///
 /// @param first   from the coordinate's value to where the end is expected
 /// @param linear  the root of the drop is near to linear in the coordinate; else the drop
-std::optional<double> end_at_once(const Profiled& at, double first, double target, bool linear);
+/// @param opposite  the other end, of the same target, if known: with it the first step is of the second order
+std::optional<Eigen::VectorXd> end_at_once(const Profiled& at, double first, double target,
+                                           bool linear, const Eigen::VectorXd* opposite = nullptr);
 
 }  // namespace identikal

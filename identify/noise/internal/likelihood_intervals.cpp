@@ -152,6 +152,22 @@ std::optional<double> end_of_interval(ProfilePath& path, const Profiled& at, dou
   return std::nullopt;
 }
 
+// The end that was found at once, else the one along a path.
+std::optional<double> or_by_path(const std::optional<VectorXd>& end, const Profiled& at,
+                                 double first, double target, bool linear) {
+  if (end) return (*end)[at.i];
+  ProfilePath path(at);
+  return end_of_interval(path, at, first, target, linear);
+}
+
+// Both ends, each where it can be found. @param reach  as far as they would be, were the root of the drop
+// linear
+std::array<std::optional<double>, 2> interval_of(const Profiled& at, double reach, double target) {
+  const auto low = end_at_once(at, -reach, target, true);
+  const auto high = end_at_once(at, reach, target, true, low ? &*low : nullptr);
+  return {or_by_path(low, at, -reach, target, true), or_by_path(high, at, reach, target, true)};
+}
+
 // One parameter that a profile can be taken of.
 struct ProfiledParameter {
   EstimatedParameter* reported;
@@ -251,21 +267,17 @@ void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at) {
   std::erase_if(all, [&](const ProfiledParameter& parameter) {
     return !has_error(parameter) || !is_worth_it(parameter, at);
   });
-  std::vector<Index> sides;  // two of each
-  for (const ProfiledParameter& parameter : all) sides.insert(sides.end(), 2, parameter.entry);
-  std::vector<std::optional<double>> ends(sides.size());
+  std::vector<Index> entries;
+  for (const ProfiledParameter& parameter : all) entries.push_back(parameter.entry);
+  std::vector<std::array<std::optional<double>, 2>> ends(all.size());
   const double target = profile_target(at);
-  for_each_profile(sides, at, [&](int task, const Profiled& of) {
-    const ProfiledParameter& parameter = all[static_cast<std::size_t>(task) / 2];
-    const double se = parameter.reported->se * parameter.unit.scale;
-    const double first = (task % 2 == 0 ? -target : target) * se;
-    ends[task] = end_at_once(of, first, target, true);
-    if (ends[task]) return;
-    ProfilePath path(of);
-    ends[task] = end_of_interval(path, of, first, target, true);
+  for_each_profile(entries, at, [&](int task, const Profiled& of) {
+    const auto k = static_cast<std::size_t>(task);
+    const double reach = target * all[k].reported->se * all[k].unit.scale;
+    ends[k] = interval_of(of, reach, target);
   });
   for (std::size_t k = 0; k < all.size(); ++k) {
-    const auto &low = ends[2 * k], &high = ends[2 * k + 1];
+    const auto& [low, high] = ends[k];
     if (!low || !high) continue;
     EstimatedParameter& p = *all[k].reported;
     p.profile95 = {all[k].unit.from_si(*low), all[k].unit.from_si(*high)};
@@ -298,10 +310,7 @@ bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at) {
     const double root = std::sqrt(slope * slope + curvature * target * target);
     const double guess = target * target / (slope + root);
     const double first = std::isfinite(guess) ? guess : of.x.cwiseAbs().maxCoeff();
-    limits[task] = end_at_once(of, first, target, false);
-    if (limits[task]) return;
-    ProfilePath path(of);
-    limits[task] = end_of_interval(path, of, first, target, false);
+    limits[task] = or_by_path(end_at_once(of, first, target, false), of, first, target, false);
   });
   for (std::size_t k = 0; k < all.size(); ++k) {
     EstimatedParameter& p = *all[k].reported;
