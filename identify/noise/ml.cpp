@@ -239,7 +239,9 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
            check_evaluation(likelihood.evaluation_taken(), options.evaluation, objective));
   }
   const bool converged = found.best.summary.usable();
-  const ProfiledMaximum maximum{likelihood, factors,         end,    found.best, judged,
+  std::optional<Slopes> slopes;
+  if (converged && !coloured) slopes = slopes_at(factors.problem(problem), found.best.x);
+  const ProfiledMaximum maximum{likelihood, factors,         end,    found.best, judged, slopes,
                                 samples,    options.threads, freedom};
   if (coloured) {
     append(estimate.findings, check_bounds(estimate, problem, best));

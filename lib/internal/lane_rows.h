@@ -80,41 +80,36 @@ void WeighRows(const Entries& of, int n, double* to) {
   }
 }
 
-// A column of a symmetric sum from the diagonal down; its beginning is `from`. The last entries bring
-// K KR with them, and what is above the diagonal.
-template <int W, int kCount, bool kLast>
-HWY_INLINE void WeighColumn(const Entries& of, int n, int j, const double* from, double K,
-                            const double* KR, double* to) {
+// Column j of a symmetric n x n sum from the diagonal down, and with kMirror the row too; its beginning
+// is `from`. The weighed columns are those of a matrix with rows of `stride` numbers.
+template <int W, int kCount, bool kMirror>
+HWY_INLINE void WeighColumn(const Entries& of, int stride, int n, int j, const double* from,
+                            double* to) {
   const typename Pack<W>::Tag tag;
   const Weights<W, kCount> weights(of);
-  const auto gain = hn::Set(tag, K);
   for (int s = 0; s < W; s += Pack<W>::kWidth) {
-    const int step = n * W;
     double* mirror = to + j * n * W + s;
-    for (int i = j, row = j * step + s; i < n; ++i, row += step) {
-      auto sum = weights.AddFirst(row, hn::LoadU(tag, from + row + j * W));
+    int column = j * (n + 1) * W + s;
+    for (int i = j, row = j * stride * W + s; i < n; ++i, row += stride * W, column += n * W) {
+      auto sum = weights.AddFirst(row, hn::LoadU(tag, from + column));
       sum = weights.AddOthers(row, sum);
-      if constexpr (kLast) {
-        sum = hn::MulAdd(gain, hn::LoadU(tag, KR + i * W + s), sum);
-        hn::StoreU(sum, tag, mirror + i * W);
-      }
-      hn::StoreU(sum, tag, to + row + j * W);
+      if constexpr (kMirror) hn::StoreU(sum, tag, mirror + i * W);
+      hn::StoreU(sum, tag, to + column);
     }
   }
 }
 
-template <int W, bool kLast>
-void WeighColumns(const Entries& of, int n, int j, const double* from, double K, const double* KR,
-                  double* to) {
+template <int W, bool kMirror>
+void WeighColumns(const Entries& of, int stride, int n, int j, const double* from, double* to) {
   switch (of.count) {
     case 1:
-      return WeighColumn<W, 1, kLast>(of, n, j, from, K, KR, to);
+      return WeighColumn<W, 1, kMirror>(of, stride, n, j, from, to);
     case 2:
-      return WeighColumn<W, 2, kLast>(of, n, j, from, K, KR, to);
+      return WeighColumn<W, 2, kMirror>(of, stride, n, j, from, to);
     case 3:
-      return WeighColumn<W, 3, kLast>(of, n, j, from, K, KR, to);
+      return WeighColumn<W, 3, kMirror>(of, stride, n, j, from, to);
     default:
-      return WeighColumn<W, 4, kLast>(of, n, j, from, K, KR, to);
+      return WeighColumn<W, 4, kMirror>(of, stride, n, j, from, to);
   }
 }
 

@@ -217,21 +217,13 @@ void for_each_profile(const std::vector<Index>& entries, const ProfiledMaximum& 
   // Entries of named covariances of full rank move by themselves.
   const VectorXd x = at.factors.to(at.best.x);
   const auto alone = [&](Index entry) { return at.factors.coordinate_of(entry) < 0; };
-  const LikelihoodProblem of_entries = at.likelihood.problem();
-  const auto information_at = [](const LikelihoodProblem& problem, const VectorXd& where) {
-    double L = 0.0;
-    VectorXd gradient;
-    MatrixXd out;
-    if (!problem.evaluate(where, L, &gradient, &out)) {
-      out = MatrixXd::Zero(where.size(), where.size());
-    }
-    return out;
+  const auto information_of = [](const std::optional<Slopes>& slopes, Index size) {
+    return slopes ? slopes->information : MatrixXd(MatrixXd::Zero(size, size));
   };
+  const MatrixXd information = information_of(at.slopes, at.best.x.size());
   const bool any_alone = std::any_of(entries.begin(), entries.end(), alone);
-  const bool all_alone = std::all_of(entries.begin(), entries.end(), alone);
-  const MatrixXd by_itself = any_alone ? information_at(of_entries, x) : MatrixXd();
-  const MatrixXd information =
-      all_alone ? MatrixXd() : information_at(at.factors.problem(of_entries), at.best.x);
+  const MatrixXd by_itself =
+      any_alone ? information_of(slopes_at(at.likelihood.problem(), x), x.size()) : MatrixXd();
   const auto run = [&](int k, const LikelihoodProblem& by_entries) {
     const Index entry = entries[static_cast<std::size_t>(k)];
     const double L = at.best.summary.objective;
@@ -261,6 +253,13 @@ double profile_target(const ProfiledMaximum& at) {
 }
 
 }  // namespace
+
+std::optional<Slopes> slopes_at(const LikelihoodProblem& problem, const VectorXd& x) {
+  double L = 0.0;
+  Slopes out;
+  if (!problem.evaluate(x, L, &out.gradient, &out.information)) return std::nullopt;
+  return out;
+}
 
 void take_profile_intervals(Estimate& estimate, const ProfiledMaximum& at) {
   std::vector<ProfiledParameter> all = with_profile(estimate, at);
@@ -294,17 +293,14 @@ bool limit_variances_at_zero(Estimate& estimate, const ProfiledMaximum& at) {
     return i < 0 || problem.lower[i] != 0.0 || at.best.x[i] > 0.0;
   });
   if (all.empty()) return true;
-  double L = 0.0;
-  VectorXd gradient;
-  MatrixXd information;
-  if (!problem.evaluate(at.best.x, L, &gradient, &information)) return false;
+  if (!at.slopes) return false;
   std::vector<Index> entries;
   for (const ProfiledParameter& parameter : all) entries.push_back(parameter.entry);
   std::vector<std::optional<double>> limits(all.size());
   const double target = std::sqrt(chi_square_quantile(0.9, 1.0));
   for_each_profile(entries, at, [&](int task, const Profiled& of) {
     const VectorXd along = tangent(of, of.x, of.information);
-    const double slope = std::max(0.0, -gradient.dot(along));
+    const double slope = std::max(0.0, -at.slopes->gradient.dot(along));
     const double curvature = along.dot(of.information * along);
     // slope v + curvature v^2 / 2 = target^2 / 2
     const double root = std::sqrt(slope * slope + curvature * target * target);

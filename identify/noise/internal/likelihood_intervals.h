@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "identify/estimate/results.h"
@@ -12,6 +13,15 @@
 
 namespace identikal {
 
+/// A likelihood's slopes in the coordinates of the factors.
+struct Slopes {
+  Eigen::VectorXd gradient;
+  Eigen::MatrixXd information;
+};
+
+/// At x, or nothing where the likelihood is not defined.
+std::optional<Slopes> slopes_at(const LikelihoodProblem& problem, const Eigen::VectorXd& x);
+
 /// What profiles are taken about.
 struct ProfiledMaximum {
   RecordingsLikelihood& likelihood;
@@ -19,7 +29,8 @@ struct ProfiledMaximum {
   const ParameterSet& end;  ///< the parameters there
   const Solution& best;     ///< in the coordinates of the factors
   const JudgedMaximum& judged;
-  Eigen::Index samples = 0;  ///< measured values
+  std::optional<Slopes> slopes;  ///< there
+  Eigen::Index samples = 0;      ///< measured values
   int threads = 1;
   double freedom = kNone;  ///< residual_freedom(), where errors go by it
 };

@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
@@ -93,6 +94,23 @@ std::optional<Score> score_of(const Likelihood* at, const std::vector<Index>& en
   return out;
 }
 
+// Does every state move the outputs that follow it? Of a season, fewer of its samples may not tell.
+bool is_observable(const StateSpace& model) {
+  constexpr double kRank = 1e-12;
+  const Index n = model.states(), ny = model.outputs();
+  MatrixXd seen(n * ny, n);
+  MatrixXd response = model.C;
+  for (Index t = 0; t < n; ++t) {
+    seen.middleRows(t * ny, ny) = response;
+    response = (response * model.A).eval();
+  }
+  const VectorXd size = seen.colwise().norm();
+  if (!seen.allFinite() || !(size.minCoeff() > 0.0)) return false;
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(seen * size.cwiseInverse().asDiagonal());
+  qr.setThreshold(kRank);
+  return qr.rank() == n;
+}
+
 std::optional<Score> thinned_score(const Model& model, const ParameterSet& at,
                                    const std::vector<Dataset>& recordings,
                                    const std::vector<Index>& entries, int every) {
@@ -105,6 +123,7 @@ std::optional<Score> thinned_score(const Model& model, const ParameterSet& at,
     for (std::size_t i = 0; i < by.size(); ++i) by[i] = one_more(system, by[i], one, by_one[i]);
     system = one_more(system, one);
   }
+  if (linear.initial == InitialState::diffuse && !is_observable(system)) return std::nullopt;
   const Thinned data = every_mth(model, recordings, every);
   LikelihoodEngine engine;
   for (std::size_t r = 0; r < data.y.size(); ++r) engine.add_recording(data.y[r], data.u[r]);

@@ -18,14 +18,36 @@ namespace {
 // be forgotten.
 constexpr double kWellDetermined = 1e-6;
 
+MatrixXd scaled(const MatrixXd& information, const VectorXd& scale) {
+  const auto sd = scale.cwiseSqrt().asDiagonal();
+  return sd * information * sd;
+}
+
+double least_eigenvalue(const MatrixXd& M) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(M, Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues().minCoeff();
+}
+
+// Is determined_share() less? Pivots are no smaller than the least eigenvalue, whose inverse is no
+// larger than the trace of M's: nearly always that decides, in a tenth of the time. A NaN is no less.
+bool is_less_determined(const MatrixXd& information, const VectorXd& scale, double least) {
+  const MatrixXd M = scaled(information, scale);
+  if (M.diagonal().minCoeff() < least) return true;
+  if (M.rows() == 1) return false;
+  const Eigen::LLT<MatrixXd> llt(M);
+  if (llt.info() == Eigen::Success) {
+    const double pivot = llt.matrixLLT().diagonal().minCoeff();
+    if (pivot * pivot < least) return true;
+    const MatrixXd inverse = llt.matrixL().solve(MatrixXd::Identity(M.rows(), M.cols()));
+    if (inverse.squaredNorm() * least <= 1.0) return false;
+  }
+  return least_eigenvalue(M) < least;
+}
+
 }  // namespace
 
 double determined_share(const MatrixXd& information, const VectorXd& scale) {
-  if (scale.size() == 1) return scale[0] * information(0, 0);
-  const auto sd = scale.cwiseSqrt().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(sd * information * sd,
-                                                      Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues().minCoeff();
+  return least_eigenvalue(scaled(information, scale));
 }
 
 VectorXd proper_scale(const StateSpace& model) {
@@ -99,8 +121,8 @@ void DiffuseStart::add_derivative(std::size_t i, const Sensitivity& s, const Mat
 }
 
 bool DiffuseStart::is_determined(bool last) const {
-  // Not "<": a NaN is no smaller, and the filter's end says what became of it.
-  return !(determined_share(information, scale) < (last ? kDetermined : kWellDetermined));
+  // The filter's end says what became of a NaN.
+  return !is_less_determined(information, scale, last ? kDetermined : kWellDetermined);
 }
 
 bool DiffuseStart::is_forgotten(const MatrixXd& P, const MatrixXd& Z) const {

@@ -28,7 +28,7 @@ HWY_INLINE void SeeMovedOutputs(const TangentModel& f, TangentRun& r, int b) {
   const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
   for (int c = 0; c < m; ++c) {
     for (int j = 0; j < n + m; ++j) {
-      const double* by = j < n ? r.T + j * n * W : r.PC + (j - n) * W;
+      const double* by = j < n ? r.T + j * (N > 0 ? N : n + m) * W : r.PC + (j - n) * W;
       const int step = j < n ? W : m * W;
       Pack<W> sum = Pack<W>::Zero();
       for (int at = f.C_theta_row[c]; at < f.C_theta_row[c + 1]; ++at) {
@@ -39,16 +39,17 @@ HWY_INLINE void SeeMovedOutputs(const TangentModel& f, TangentRun& r, int b) {
   }
 }
 
-// += dF P F' + its transpose, lower triangle; r.T holds F P in its first lanes.
+// += dF P F' + its transpose, lower triangle; r.T holds F P in its first lanes, `stride`
+// numbers a row.
 template <int W>
-HWY_INLINE void AddDynamics(const TangentModel& f, const TangentRun& r, int b, int i, int j,
-                            Pack<W>& sum) {
+HWY_INLINE void AddDynamics(const TangentModel& f, const TangentRun& r, int stride, int b, int i,
+                            int j, Pack<W>& sum) {
   const int n = f.n, m = f.m;
   for (int at = f.A_theta_row[i]; at < f.A_theta_row[i + 1]; ++at) {
-    sum.Add(r.T[(j * n + f.A_theta_column[at]) * W], MovedDynamics<W>(f, b, at));
+    sum.Add(r.T[(j * stride + f.A_theta_column[at]) * W], MovedDynamics<W>(f, b, at));
   }
   for (int at = f.A_theta_row[j]; at < f.A_theta_row[j + 1]; ++at) {
-    sum.Add(r.T[(i * n + f.A_theta_column[at]) * W], MovedDynamics<W>(f, b, at));
+    sum.Add(r.T[(i * stride + f.A_theta_column[at]) * W], MovedDynamics<W>(f, b, at));
   }
   for (int c = 0; c < m; ++c) {
     sum.Subtract(r.K[i * m + c], Pack<W>::Load(r.dC_PF + (c * n + j) * W));

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 namespace {
 
 // Up to here the kernel is made for the number of states and F is dense.
-constexpr Index kUnrolled = 4;
+constexpr Index kUnrolled = simd::kUnrolledStates;
 
 MatrixXd rows_of(const MatrixXd& M, const std::vector<int>& rows) {
   MatrixXd out(static_cast<Index>(rows.size()), M.cols());
@@ -117,40 +117,32 @@ void TangentFilter::prepare(const StateSpace& model, const std::vector<StateSpac
   }
 }
 
-// Entries of F = A - K C: where A has one, and all of the columns that an output sees; and those of A
-// alone. Of a model that changes, all.
+// Which entries of A may differ from zero: of a model that changes, all.
 void TangentFilter::find_structure() {
-  const bool sparse = n_ > kUnrolled && !changing_;
-  row_.assign(1, 0);
   A_row_.assign(1, 0);
-  column_.clear();
   A_column_.clear();
   for (Index i = 0; i < n_; ++i) {
     for (Index j = 0; j < n_; ++j) {
       if (changing_ || model_->A(i, j) != 0.0) A_column_.push_back(static_cast<int>(j));
-      if (sparse && model_->A(i, j) == 0.0 && model_->C.col(j).isZero(0.0)) continue;
-      column_.push_back(static_cast<int>(j));
     }
-    if (row_.back() == static_cast<int>(column_.size())) {  // a row has one at least
-      column_.push_back(static_cast<int>(i));
-    }
-    row_.push_back(static_cast<int>(column_.size()));
+    // A row of a product has one at least.
+    const bool empty = A_row_.back() == static_cast<int>(A_column_.size());
+    if (empty && n_ > kUnrolled) A_column_.push_back(static_cast<int>(i));
     A_row_.push_back(static_cast<int>(A_column_.size()));
   }
 }
 
 void TangentFilter::fill_A() {
-  const auto fill_entries = [this](const std::vector<int>& row, const std::vector<int>& column,
-                                   std::vector<double>& to) {
-    to.clear();
-    for (std::size_t i = 0; i + 1 < row.size(); ++i) {
-      for (int at = row[i]; at < row[i + 1]; ++at) {
-        to.push_back(model_->A(static_cast<Index>(i), column[static_cast<std::size_t>(at)]));
-      }
+  A_entry_.clear();
+  for (std::size_t i = 0; i + 1 < A_row_.size(); ++i) {
+    for (int at = A_row_[i]; at < A_row_[i + 1]; ++at) {
+      A_entry_.push_back(model_->A(static_cast<Index>(i), A_column_[static_cast<std::size_t>(at)]));
     }
-  };
-  fill_entries(row_, column_, A_);
-  fill_entries(A_row_, A_column_, A_entry_);
+  }
+  A_.clear();
+  for (Index i = 0; n_ <= kUnrolled && i < n_; ++i) {
+    for (Index j = 0; j < n_; ++j) A_.push_back(model_->A(i, j));
+  }
 }
 
 void TangentFilter::fill_common() {
@@ -193,7 +185,7 @@ simd::TangentModel TangentFilter::common_model() const {
   out.n = static_cast<int>(n_), out.nu = static_cast<int>(nu_);
   out.blocks = static_cast<int>(blocks_), out.lanes = static_cast<int>(lanes_);
   out.derivatives = static_cast<int>(derivatives_->size());
-  out.row = row_.data(), out.column = column_.data(), out.A = A_.data();
+  out.A = A_.data();
   out.A_row = A_row_.data(), out.A_column = A_column_.data(), out.A_entry = A_entry_.data();
   out.W = W_.data(), out.B = B_.data();
   out.A_theta_row = A_theta_.row.data(), out.A_theta_column = A_theta_.column.data();
@@ -242,7 +234,8 @@ void TangentFilter::reserve() {
   const std::size_t n = static_cast<std::size_t>(n_), m = static_cast<std::size_t>(ny_);
   const std::size_t all = lanes_ * blocks_, d = static_cast<std::size_t>(scale_.size());
   const std::size_t columns = 1 + d;
-  const std::size_t white = m * (m + 1) / 2 + m, entries = column_.size();
+  const std::size_t white = m * (m + 1) / 2 + m,
+                    entries = std::max(n * n, A_column_.size() + n * m);
   const bool moves = dynamics_ || changing_;
   std::size_t used = 0;
   const auto lay_out = [&](double*& to, std::size_t size) {
@@ -252,7 +245,9 @@ void TangentFilter::reserve() {
   const auto lay_out_all = [&] {
     used = 0;
     simd::TangentRun& r = run_;
-    for (double** each : {&r.P, &r.next_P, &r.T}) lay_out(*each, n * n * all);
+    for (double** each : {&r.P, &r.next_P}) lay_out(*each, n * n * all);
+    lay_out(r.T, n * (n + m) * all);
+    lay_out(r.CP, m * n * lanes_);
     for (double** each : {&r.x, &r.next_x}) lay_out(*each, columns * n * all);
     for (double** each : {&r.PC, &r.K_theta}) lay_out(*each, n * m * all);
     lay_out(r.Sigma, m * m * all);

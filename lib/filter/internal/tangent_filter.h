@@ -152,7 +152,7 @@ class TangentFilter {
   Eigen::Index n_ = 0, ny_ = 0, nu_ = 0;
   std::size_t lanes_ = 0, blocks_ = 0;
   bool dynamics_ = false, crossed_ = false, diagonal_R_ = true;
-  std::vector<int> row_, column_, A_row_, A_column_;
+  std::vector<int> A_row_, A_column_;
   std::vector<double> A_, A_entry_;
   Lanes W_, B_;
   MovedEntries A_theta_;

@@ -22,6 +22,25 @@ HWY_BEFORE_NAMESPACE();
 namespace identikal::simd {
 namespace HWY_NAMESPACE {
 
+// F = A - K C as products with it want it.
+template <int N>
+HWY_INLINE void LayOutF(const TangentModel& f, const TangentRun& r, int m) {
+  if constexpr (N > 0) {
+    for (int at = 0; at < N * N; ++at) r.F[at] = f.A[at];
+    for (int a = 0; a < m; ++a) {
+      for (int c = f.C_row[a]; c < f.C_row[a + 1]; ++c) {
+        for (int i = 0; i < N; ++i) r.F[i * N + f.C_column[c]] -= r.K[i * m + a] * f.C[c];
+      }
+    }
+  } else {
+    double* to = r.F;
+    for (int i = 0; i < f.n; ++i) {
+      for (int at = f.A_row[i]; at < f.A_row[i + 1]; ++at) *to++ = f.A_entry[at];
+      for (int a = 0; a < m; ++a) *to++ = -r.K[i * m + a];
+    }
+  }
+}
+
 // K = (A P C' + S) Sigma^-1 by substitution, F = A - K C.
 template <int W, int N, int M>
 HWY_INLINE void FindGain(const TangentModel& f, TangentRun& r) {
@@ -43,21 +62,7 @@ HWY_INLINE void FindGain(const TangentModel& f, TangentRun& r) {
       k[a] *= r.L_inverse[a * m + a];
     }
   }
-  for (int at = 0; at < f.row[n]; ++at) r.F[at] = f.A[at];
-  // Columns of F in C's are all there, in order.
-  for (int a = 0; a < m; ++a) {
-    for (int c = f.C_row[a]; c < f.C_row[a + 1]; ++c) {
-      for (int i = 0; i < n; ++i) {
-        int at = f.row[i];
-        if constexpr (N > 0) {
-          at += f.C_column[c];
-        } else {
-          while (f.column[at] != f.C_column[c]) ++at;
-        }
-        r.F[at] -= r.K[i * m + a] * f.C[c];
-      }
-    }
-  }
+  LayOutF<N>(f, r, m);
 }
 
 // M of them, or as many as the model says; kUnseen: a sample without any.
@@ -189,22 +194,31 @@ void AddDelta(const TangentModel& f, TangentRun& r) {
   }
 }
 
+// P C' of a block.
+template <int W, int N, int M>
+HWY_INLINE void SeeStates(const TangentModel& f, TangentRun& r, int b) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const double* P = r.P + b * n * n * W;
+  double* PC = r.PC + b * n * m * W;
+  if constexpr (N == 0 && M == 1) return SeeRow<W>(f, P, 0, PC);
+  for (int i = 0; i < n; ++i) {
+    for (int a = 0; a < m; ++a) {
+      Pack<W> sum = Pack<W>::Zero();
+      for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
+        sum.Add(f.C[at], Pack<W>::Load(P + (i * n + f.C_column[at]) * W));
+      }
+      sum.Store(PC + (i * m + a) * W);
+    }
+  }
+}
+
 // P C' and Sigma in all lanes.
 template <int W, int N, int M>
 HWY_INLINE void SeeCovariance(const TangentModel& f, TangentRun& r) {
   const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
   for (int b = 0; b < f.blocks; ++b) {
-    const double* P = r.P + b * n * n * W;
+    SeeStates<W, N, M>(f, r, b);
     double *PC = r.PC + b * n * m * W, *Sigma = r.Sigma + b * m * m * W;
-    for (int i = 0; i < n; ++i) {
-      for (int a = 0; a < m; ++a) {
-        Pack<W> sum = Pack<W>::Zero();
-        for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
-          sum.Add(f.C[at], Pack<W>::Load(P + (i * n + f.C_column[at]) * W));
-        }
-        sum.Store(PC + (i * m + a) * W);
-      }
-    }
     for (int a = 0; a < m; ++a) {
       for (int c = 0; c <= a; ++c) {
         Pack<W> sum = Pack<W>::Load(f.R + ((b * m + a) * m + c) * W);
@@ -226,12 +240,26 @@ HWY_INLINE void SeeCovariance(const TangentModel& f, TangentRun& r) {
   }
 }
 
-// T = F P
-template <int W, int N>
-HWY_INLINE void MultiplyByF(const TangentModel& f, const TangentRun& r, const double* P,
-                            double* T) {
+// Numbers in a row of T.
+template <int N, int M>
+HWY_INLINE int Stride(const TangentModel& f) {
+  return N > 0 ? N : f.n + Outputs<M>(f);
+}
+
+// T = F P of a block
+template <int W, int N, int M>
+HWY_INLINE void MultiplyByF(const TangentModel& f, const TangentRun& r, int b) {
+  const int n = N > 0 ? N : f.n, m = Outputs<M>(f), stride = Stride<N, M>(f);
+  const double* P = r.P + b * n * n * W;
+  double* T = r.T + b * n * stride * W;
   if constexpr (N == 0) {
-    for (int i = 0; i < f.n; ++i) MultiplyRow<W>(f, r.F, P, i, T + i * f.n * W);
+    const double *PC = r.PC + b * n * m * W, *CP = m > 1 ? r.CP : PC;
+    for (int i = 0; m > 1 && i < n; ++i) {
+      for (int a = 0; a < m; ++a) {
+        Pack<W>::Load(PC + (i * m + a) * W).Store(r.CP + (a * n + i) * W);
+      }
+    }
+    for (int i = 0; i < n; ++i) MultiplyRow<W>(f, m, r.F, P, CP, i, T + i * stride * W);
   } else {
     for (int i = 0; i < N; ++i) {
       for (int j = 0; j < N; ++j) {
@@ -240,6 +268,31 @@ HWY_INLINE void MultiplyByF(const TangentModel& f, const TangentRun& r, const do
         sum.Store(T + (i * N + j) * W);
       }
     }
+  }
+}
+
+// F P C' - K R + S, T = F P.
+template <int W, int N, int M>
+HWY_INLINE Pack<W> SeenProduct(const TangentModel& f, const TangentRun& r, int b, int i, int a) {
+  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const double* row = r.T + (b * n + i) * Stride<N, M>(f) * W;
+  Pack<W> sum = f.S != nullptr ? Pack<W>::Load(f.S + ((b * n + i) * m + a) * W) : Pack<W>::Zero();
+  for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
+    sum.Add(f.C[at], Pack<W>::Load(row + f.C_column[at] * W));
+  }
+  for (int c = f.diagonal_R ? a : 0; c < (f.diagonal_R ? a + 1 : m); ++c) {
+    sum.Subtract(r.K[i * m + c], Pack<W>::Load(f.R + ((b * m + c) * m + a) * W));
+  }
+  return sum;
+}
+
+// That behind every row of T.
+template <int W, int M>
+HWY_INLINE void SeeProducts(const TangentModel& f, const TangentRun& r, int b) {
+  const int n = f.n, m = M > 0 ? M : f.m;
+  for (int i = 0; i < n; ++i) {
+    double* behind = r.T + ((b * n + i) * (n + m) + n) * W;
+    for (int a = 0; a < m; ++a) SeenProduct<W, 0, M>(f, r, b, i, a).Store(behind + a * W);
   }
 }
 
@@ -263,19 +316,12 @@ HWY_INLINE void WeighGainRow(const TangentRun& r, int m, bool first_block, const
 template <int W, int N, int M>
 HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
   const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
-  const double* T = r.T + b * n * n * W;
   double *K_theta = r.K_theta + b * n * m * W, *row = r.work + m * m;
   if (f.A_theta != nullptr) SeeMovedOutputs<W, N, M>(f, r, b);
   for (int i = 0; i < n; ++i) {
     for (int a = 0; a < m; ++a) {
-      Pack<W> sum =
-          f.S != nullptr ? Pack<W>::Load(f.S + ((b * n + i) * m + a) * W) : Pack<W>::Zero();
-      for (int at = f.C_row[a]; at < f.C_row[a + 1]; ++at) {
-        sum.Add(f.C[at], Pack<W>::Load(T + (i * n + f.C_column[at]) * W));
-      }
-      for (int c = f.diagonal_R ? a : 0; c < (f.diagonal_R ? a + 1 : m); ++c) {
-        sum.Subtract(r.K[i * m + c], Pack<W>::Load(f.R + ((b * m + c) * m + a) * W));
-      }
+      Pack<W> sum = N == 0 ? Pack<W>::Load(r.T + ((b * n + i) * (n + m) + n + a) * W)
+                           : SeenProduct<W, N, M>(f, r, b, i, a);
       if (f.A_theta != nullptr) {
         // dF P C' + F P dC'
         for (int at = f.A_theta_row[i]; at < f.A_theta_row[i + 1]; ++at) {
@@ -292,42 +338,58 @@ HWY_INLINE void DifferentiateGain(const TangentModel& f, TangentRun& r, int b) {
   }
 }
 
+// P+ in all lanes where there are many states: products with F bring all but what S and moving
+// dynamics add.
+template <int W, int M>
+HWY_INLINE void AdvanceLargeCovariance(const TangentModel& f, const TangentRun& r, int b) {
+  const int n = f.n, m = Outputs<M>(f);
+  const double *T = r.T + b * n * (n + m) * W, *noise = f.W + b * n * n * W;
+  double* next = r.next_P + b * n * n * W;
+  const bool plain = f.S == nullptr && f.A_theta == nullptr;
+  for (int j = 0; j < n; ++j) {
+    MultiplyColumn<W>(f, m, r.F, T, noise, j, plain, next);
+    for (int i = j; !plain && i < n; ++i) {
+      Pack<W> sum = Pack<W>::Load(next + (i * n + j) * W);
+      for (int a = 0; f.S != nullptr && a < m; ++a) {
+        sum.Subtract(r.K[i * m + a], Pack<W>::Load(f.S + ((b * n + j) * m + a) * W));
+      }
+      if (f.A_theta != nullptr) AddDynamics<W>(f, r, Stride<0, M>(f), b, i, j, sum);
+      sum.Store(next + (i * n + j) * W);
+      sum.Store(next + (j * n + i) * W);
+    }
+  }
+}
+
 // P+ in all lanes.
 template <int W, int N, int M>
-HWY_INLINE void AdvanceCovariance(const TangentModel& f, TangentRun& r, int b) {
-  const int n = N > 0 ? N : f.n, m = Outputs<M>(f);
-  const double* T = r.T + b * n * n * W;
-  double *next = r.next_P + b * n * n * W, *KR = r.PC + b * n * m * W;  // P C' has been used
-  for (int i = 0; i < n; ++i) {
+HWY_INLINE void AdvanceCovariance(const TangentModel& f, const TangentRun& r, int b) {
+  if constexpr (N == 0) return AdvanceLargeCovariance<W, M>(f, r, b);
+  const int m = Outputs<M>(f);
+  const double* T = r.T + b * N * N * W;
+  double *next = r.next_P + b * N * N * W, *KR = r.PC + b * N * m * W;  // P C' has been used
+  for (int i = 0; i < N; ++i) {
     for (int a = 0; a < m; ++a) {
       Pack<W> sum = Pack<W>::Zero();
       for (int c = f.diagonal_R ? a : 0; c < (f.diagonal_R ? a + 1 : m); ++c) {
         sum.Add(r.K[i * m + c], Pack<W>::Load(f.R + ((b * m + c) * m + a) * W));
       }
-      if (f.S != nullptr) sum.Subtract(1.0, Pack<W>::Load(f.S + ((b * n + i) * m + a) * W));
+      if (f.S != nullptr) sum.Subtract(1.0, Pack<W>::Load(f.S + ((b * N + i) * m + a) * W));
       sum.Store(KR + (i * m + a) * W);
     }
   }
-  // One output with noise of its own needs nothing more than products with F.
-  const bool plain = N == 0 && m == 1 && f.S == nullptr && f.A_theta == nullptr;
-  for (int j = 0; j < n; ++j) {
-    if constexpr (N == 0) {
-      MultiplyColumn<W>(f, r.F, T, f.W + b * n * n * W, j, r.K[j * m], plain ? KR : nullptr, next);
-      if (plain) continue;
-    }
-    for (int i = j; i < n; ++i) {
-      Pack<W> sum =
-          Pack<W>::Load((N == 0 ? next + (i * n + j) * W : f.W + ((b * n + i) * n + j) * W));
+  for (int j = 0; j < N; ++j) {
+    for (int i = j; i < N; ++i) {
+      Pack<W> sum = Pack<W>::Load(f.W + ((b * N + i) * N + j) * W);
       for (int k = 0; k < N; ++k) sum.Add(r.F[j * N + k], Pack<W>::Load(T + (i * N + k) * W));
       for (int a = 0; a < m; ++a) {
         sum.Add(r.K[j * m + a], Pack<W>::Load(KR + (i * m + a) * W));
         if (f.S != nullptr) {
-          sum.Subtract(r.K[i * m + a], Pack<W>::Load(f.S + ((b * n + j) * m + a) * W));
+          sum.Subtract(r.K[i * m + a], Pack<W>::Load(f.S + ((b * N + j) * m + a) * W));
         }
       }
-      if (f.A_theta != nullptr) AddDynamics<W>(f, r, b, i, j, sum);
-      sum.Store(next + (i * n + j) * W);
-      if (i != j) sum.Store(next + (j * n + i) * W);
+      if (f.A_theta != nullptr) AddDynamics<W>(f, r, N, b, i, j, sum);
+      sum.Store(next + (i * N + j) * W);
+      if (i != j) sum.Store(next + (j * N + i) * W);
     }
   }
 }
@@ -384,7 +446,7 @@ bool Settled(const TangentModel& f, const TangentRun& r) {
 template <int W, int N, int M>
 TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, const double* u,
                long& t, long end, bool stop_when_settled) {
-  const int n = N > 0 ? N : f.n, m = M > 0 ? M : f.m;
+  const int m = M > 0 ? M : f.m;
   while (t < end) {
     const double* input = u + t * f.nu;
     Innovate<W, N, M>(f, r, y + t * ny, input);
@@ -401,10 +463,9 @@ TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, co
     }
     if (r.columns > 1) AddDelta<W>(f, r);
     // Block 0 first: the others need F P of its first lanes.
-    for (int b = 0; b < f.blocks; ++b) {
-      MultiplyByF<W, N>(f, r, r.P + b * n * n * W, r.T + b * n * n * W);
-    }
+    for (int b = 0; b < f.blocks; ++b) MultiplyByF<W, N, M>(f, r, b);
     for (int b = f.blocks - 1; b >= 0; --b) {
+      if constexpr (N == 0) SeeProducts<W, M>(f, r, b);
       if (f.derivatives > 0) DifferentiateGain<W, N, M>(f, r, b);
       AdvanceCovariance<W, N, M>(f, r, b);
     }
@@ -420,12 +481,9 @@ TangentEnd Run(const TangentModel& f, TangentRun& r, const double* y, int ny, co
 // Samples of which nothing was measured: F = A, and nothing is added to the sums.
 template <int W, int N>
 void RunUnseen(const TangentModel& f, TangentRun& r, const double* u, long& t, long end) {
-  const int n = N > 0 ? N : f.n;
-  for (int at = 0; at < f.row[n]; ++at) r.F[at] = f.A[at];
+  LayOutF<N>(f, r, 0);
   for (; t < end; ++t) {
-    for (int b = 0; b < f.blocks; ++b) {
-      MultiplyByF<W, N>(f, r, r.P + b * n * n * W, r.T + b * n * n * W);
-    }
+    for (int b = 0; b < f.blocks; ++b) MultiplyByF<W, N, kUnseen>(f, r, b);
     for (int b = 0; b < f.blocks; ++b) AdvanceCovariance<W, N, kUnseen>(f, r, b);
     AdvanceStates<W, N, kUnseen>(f, r, u + t * f.nu);
     std::swap(r.P, r.next_P);

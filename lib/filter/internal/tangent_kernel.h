@@ -17,14 +17,16 @@
 
 namespace identikal::simd {
 
+/// Up to so many states products with F are written out; with more they run along what of A is not
+/// zero, and along K.
+constexpr int kUnrolledStates = 4;
+
 /// A model with the channels that a sample has, m of them. Numbers in lanes: matrix [i][j] of
 /// rows x cols, block b, lane l at ((b rows + i) cols + j) lanes + l.
 struct TangentModel {
   int n = 0, m = 0, nu = 0, blocks = 0, lanes = 0, derivatives = 0;
-  /// Entries of F that may differ from zero, row by row, and what A has there.
-  const int *row = nullptr, *column = nullptr;  ///< n + 1; row[n]
-  const double* A = nullptr;                    ///< row[n]
-  /// Those of A alone that do.
+  const double* A = nullptr;  ///< n x n; null where n > kUnrolledStates
+  /// Entries of A that may differ from zero, row by row; where n > kUnrolledStates one of each row at least.
   const int *A_row = nullptr, *A_column = nullptr;  ///< n + 1; A_row[n]
   const double* A_entry = nullptr;                  ///< A_row[n]
   /// C, row by row.
@@ -47,14 +49,17 @@ struct TangentModel {
 /// diffuse start behind the first.
 struct TangentRun {
   int columns = 1;
-  bool informed = true;                                  ///< whether samples add to the information
-  double *P = nullptr, *next_P = nullptr, *T = nullptr;  ///< n x n in lanes
-  double *x = nullptr, *next_x = nullptr;                ///< columns x n in lanes
+  bool informed = true;                    ///< whether samples add to the information
+  double *P = nullptr, *next_P = nullptr;  ///< n x n in lanes
+  /// F P in lanes; where n > kUnrolledStates with m columns behind it, F P C' - K R + S.
+  double* T = nullptr;
+  double *x = nullptr, *next_x = nullptr;                      ///< columns x n in lanes
   double *PC = nullptr, *Sigma = nullptr, *K_theta = nullptr;  ///< n x m, m x m, n x m in lanes
   double* E = nullptr;                                         ///< columns x m in lanes
   double *white = nullptr,
          *white_lanes = nullptr;      ///< m (m + 1)/2 + m rows of blocks * lanes; a row
-  double *F = nullptr, *K = nullptr;  ///< row[n]; n x m
+  double* CP = nullptr;               ///< m x n in lanes, of a block
+  double *F = nullptr, *K = nullptr;  ///< n x n, or by rows what A has and then -K; n x m
   double *L_inverse = nullptr, *Sigma_inverse = nullptr;  ///< m x m
   double* Sie = nullptr;                                  ///< m: Sigma^-1 e
   double *dC_PF = nullptr, *dC_PC = nullptr;  ///< dC P F', dC P C': m x n, m x m lanes of a block

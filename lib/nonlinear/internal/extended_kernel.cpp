@@ -163,7 +163,7 @@ HWY_INLINE void AddColumn(const double* weights, const int* column, int count, c
     some.count = std::min(kMostEntries, count - at);
     some.weight = weights + at;
     for (int q = 0; q < some.count; ++q) some.from[q] = of + column[at + q] * W;
-    WeighColumns<W, false>(some, n, j, to, 0.0, nullptr, to);
+    WeighColumns<W, false>(some, n, n, j, to, to);
   }
 }
 
