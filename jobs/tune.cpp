@@ -16,6 +16,7 @@
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
 #include "identify/noise/bayes.h"
+#include "identify/noise/curved_motion.h"
 #include "identify/noise/expected_errors.h"
 #include "identify/noise/extend.h"
 #include "identify/noise/reference_tuning.h"
@@ -319,6 +320,19 @@ bool weighs_further_parts(const TuneOptions& options, const Model& model) {
          !rows_have_no_order(model, model.parameters);
 }
 
+void judge_by_further_parts(const TuneOptions& options, const Run& run, const Model& model,
+                            const std::vector<Dataset>& recordings, NoiseEstimate& out) {
+  const std::string& path = options.model.file;
+  const YamlNode root = with_sensors(with_components(run.call.inputs.model_tree(path)));
+  ExpectedErrorsOptions further;
+  further.threads = static_cast<int>(options.search.threads);
+  further.progress = [&run](const ModelExtension& extension) {
+    return report_progress(run.call, "trying " + in_words(extension));
+  };
+  judge_by_expected_errors(root, model, recordings, out, further);
+  judge_by_curves(root, model, recordings, out, further.progress);
+}
+
 Outcome tune(const TuneOptions& options, Call& call) {
   Run run{"tune", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
@@ -341,16 +355,8 @@ Outcome tune(const TuneOptions& options, Call& call) {
   const auto estimator = [&](const Model& of, const std::vector<Dataset>& recordings) {
     if (options.purpose == kEstimates) return by_references(options, of, recordings, run);
     NoiseEstimate out = method_of(options).run(options, of, recordings, run);
-    if (weighs_further_parts(options, of) && innovations_contradict(out)) {
-      const std::string& path = options.model.file;
-      const YamlNode root = with_sensors(with_components(call.inputs.model_tree(path)));
-      ExpectedErrorsOptions further;
-      further.threads = static_cast<int>(options.search.threads);
-      further.progress = [&run](const ModelExtension& extension) {
-        return report_progress(run.call, "trying " + in_words(extension));
-      };
-      judge_by_expected_errors(root, of, recordings, out, further);
-    }
+    if (weighs_further_parts(options, of))
+      judge_by_further_parts(options, run, of, recordings, out);
     return out;
   };
   return estimate_filter(run, std::move(model), options.recordings, options.search.hold_out,

@@ -205,7 +205,7 @@ constexpr std::array<FindingKind, 111> kKinds = {{
      "The innovations' variance is more than 10 % above that of their bulk, by rare large ones"},
     {FindingCode::nonlinear, "nonlinear", Severity::warning, Severity::serious, Status::untrusted,
      Rank::other, InMessage::misfit,
-     "A linear model is not enough: a curve of a channel explains part of what it leaves"},
+     "A curve of a channel, or of a state, explains part of what the model leaves"},
     {FindingCode::methods_disagree, "methods_disagree", Severity::warning, Severity::warning,
      Status::ok, Rank::other, InMessage::nothing, "Two methods differ by more than their errors"},
     {FindingCode::several_maxima, "several_maxima", Severity::note, Severity::serious,

@@ -297,6 +297,33 @@ void add_bias(YamlNode& model, const std::string& channel) {
   add_error(model, channel, name);
 }
 
+// The dynamics of a state, less a term.
+void subtract(YamlNode& model, const std::string& state, const std::string& term) {
+  YamlNode& dynamics = named_part(value_at(model, "dynamics"), state, "dynamics of");
+  dynamics = yaml_scalar(dynamics.text == "0" ? "-" + term : "(" + dynamics.text + ") - " + term,
+                         dynamics);
+}
+
+void add_quadratic_damping(YamlNode& model, const std::string& state) {
+  const std::string name = unused(model, "drag_" + state), unit = unit_of(model, state);
+  const char* per = has_continuous_time(model) ? " s" : "";
+  add_parameter(model, name, 0.0, unit.empty() ? "" : "1/((" + unit + ")" + per + ")",
+                std::nullopt);
+  subtract(model, state, fmt::format("{0}*{1}*abs({1})", name, state));
+}
+
+void add_dry_friction(YamlNode& model, const std::string& state, double size) {
+  constexpr double kSlow = 0.1;
+  const std::string name = unused(model, "friction_" + state),
+                    slow = unused(model, "slow_" + state), unit = unit_of(model, state);
+  const char* per = has_continuous_time(model) ? "/s" : "";
+  add_parameter(model, name, 0.0, unit.empty() ? "" : unit + per, std::nullopt);
+  append(value_at(model, "parameters"), slow,
+         yaml_scalar(fmt::format("{:.3g}{}{}", kSlow * size / unit_or_dimensionless(unit).scale,
+                                 unit.empty() ? "" : " ", unit)));
+  subtract(model, state, fmt::format("{}*tanh({}/{})", name, state, slow));
+}
+
 // The variances of these names times a ratio, from a time on.
 // @param of     "measurement" or "process"
 // @param about  what its parameters are named by
@@ -396,6 +423,10 @@ std::string in_words(const ModelExtension& extension) {
       return fmt::format("another measurement noise of {} from {:.6g} s on", names, extension.from);
     case ExtensionKind::process_noise_change:
       return fmt::format("another process noise from {:.6g} s on", extension.from);
+    case ExtensionKind::quadratic_damping:
+      return "quadratic damping of " + names;
+    case ExtensionKind::dry_friction:
+      return "dry friction of " + names;
     case ExtensionKind::process_noise:
       break;
   }
@@ -436,7 +467,7 @@ bool can_be_late(const YamlNode& model, const std::string& output) {
 
 YamlNode extended(YamlNode model, const ModelExtension& extension, double step) {
   formulas_part(model, "dynamics");
-  if (!is_constant(extension.kind)) formulas_part(model, "noise");
+  if (!is_constant(extension.kind) && !is_curve(extension.kind)) formulas_part(model, "noise");
   if (extension.kind == ExtensionKind::lasting_error) add_lasting_errors(model, extension, step);
   if (extension.kind == ExtensionKind::coloured_process_noise)
     add_coloured_process_noise(model, extension, step);
@@ -467,6 +498,12 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
       case ExtensionKind::process_noise_change:
         change_noise(model, "process", names_with_noise(model, "process"), "process", size,
                      extension.from);
+        break;
+      case ExtensionKind::quadratic_damping:
+        add_quadratic_damping(model, name);
+        break;
+      case ExtensionKind::dry_friction:
+        add_dry_friction(model, name, size);
         break;
       case ExtensionKind::process_noise: {
         const std::string unit = unit_of(model, name);

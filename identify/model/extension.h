@@ -17,6 +17,8 @@ enum class ExtensionKind {
   coloured_process_noise,    ///< in the dynamics of states that have white noise: d' = -d/tau + w
   measurement_noise_change,  ///< of outputs: from a time on all variances times a ratio
   process_noise_change,      ///< of all states that have process noise, likewise
+  quadratic_damping,         ///< of a state: x' = f - c x |x|
+  dry_friction,              ///< of a state: x' = f - c tanh(x/s), s known
 };
 
 /// A parameter of what is measured, and no state: bias, scale, delay.
@@ -25,12 +27,18 @@ inline bool is_constant(ExtensionKind kind) {
          kind == ExtensionKind::delay;
 }
 
+/// A parameter of a term that is not linear, in the dynamics of a state.
+inline bool is_curve(ExtensionKind kind) {
+  return kind == ExtensionKind::quadratic_damping || kind == ExtensionKind::dry_friction;
+}
+
 struct ModelExtension {
   ExtensionKind kind = ExtensionKind::bias;
   std::vector<std::string> names;  ///< outputs, inputs, or states
   std::vector<double> size;        ///< a standard deviation each, where a search begins, SI; of a
                                    ///< change the ratio of variances; of a scale and a delay [s]
-                                   ///< what is little for it
+                                   ///< what is little for it; of a state's damping and friction
+                                   ///< the state's own size
   /// What lasts: one deviation and time constant for all. Bias and scale of two outputs: as much of
   /// each, in opposite directions.
   bool alike = false;
@@ -39,7 +47,7 @@ struct ModelExtension {
 };
 /// "biases of d0, d1", "a ratio between r0 and r1, half of it in each", "an error that lasts, of
 /// z", "process noise of vx", "coloured process noise of vx, vy, alike", "another measurement noise
-/// of z from 120 s on", "measurement noise of z of a size of its own".
+/// of z from 120 s on", "measurement noise of z of a size of its own", "dry friction of w".
 std::string in_words(const ModelExtension& extension);
 
 /// Outputs whose measurement noise is written with the same variance, where that is not a number:
@@ -62,7 +70,8 @@ bool can_be_late(const YamlNode& model, const std::string& output);
 /// sd_disturbance_STATE and tau_disturbance_STATE of coloured process noise, whose state is
 /// disturbance_STATE (sd_disturbances and tau_disturbances); ratio_OUTPUT or ratio_process of a
 /// change, at the known time change_OUTPUT or change_process, of which there is none where it is
-/// always. What lasts begins with its own variance.
+/// always; drag_STATE; friction_STATE, with slow_STATE, a tenth of the state's size, known. What
+/// lasts begins with its own variance.
 ///
 /// Example:
 ///

@@ -12,7 +12,9 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
+#include "identify/model/noise_entries.h"
 #include "identify/noise/internal/extension_fit.h"
+#include "identify/noise/internal/moved_estimates.h"
 
 namespace identikal {
 namespace {
@@ -20,8 +22,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr Index kSettles = 5;            // a share of a recording: a start is no part of the errors
-constexpr Index kMostFittedRows = 5000;  // that extensions are fitted to
+constexpr Index kSettles = 5;  // a share of a recording: a start is no part of the errors
 const char* const kBulk = "its noise tuned without outliers";
 constexpr double kSmallExcess = 0.03, kSmallestNees = 2.0 / 3.0, kLargestNees = 1.5;
 
@@ -87,27 +88,18 @@ ExpectedErrors errors_of(const Sums& sums, const Model& model) {
   return out;
 }
 
-std::vector<Dataset> first_rows(const std::vector<Dataset>& recordings) {
-  std::vector<Dataset> out;
-  Index left = kMostFittedRows;
-  for (const Dataset& data : recordings) {
-    if (left < 2) break;
-    out.push_back(first_samples(data, std::min(left, data.size())));
-    left -= out.back().size();
-  }
-  return out;
-}
-
 struct Likelier {
   std::string what;
   Model model;
+  std::vector<MovedEstimate> moved;
 };
 
 // Of the extensions the one with the least BIC, if that is below the model's own.
 std::optional<Likelier> likelier_extension(const YamlNode& root, const Model& model,
                                            const std::vector<Dataset>& recordings,
+                                           const NoiseEstimate& estimate,
                                            const ExpectedErrorsOptions& options) {
-  const std::vector<Dataset> first = first_rows(recordings);
+  const std::vector<Dataset> first = rows_to_fit(recordings);
   FittedModel base{root, model, 0.0};
   const auto L = fit_values(base.model, first);
   if (!L) return std::nullopt;
@@ -115,7 +107,8 @@ std::optional<Likelier> likelier_extension(const YamlNode& root, const Model& mo
   const std::vector<ModelExtension> all = possible_extensions(root, base.model, first);
   auto found = likeliest_extension(base, all, first, options.threads, options.progress);
   if (!found) return std::nullopt;
-  return Likelier{in_words(all[found->which]), std::move(found->fitted.model)};
+  std::vector<MovedEstimate> moved = moved_estimates(base.model, found->fitted.model, estimate);
+  return Likelier{in_words(all[found->which]), std::move(found->fitted.model), std::move(moved)};
 }
 
 // The mean-square error of the states by what the innovations' own past, or inputs, explain of
@@ -156,7 +149,8 @@ void take_larger(std::optional<ExpectedErrors> errors, const std::string& what,
 }
 
 bool is_small(const ExpectedErrors& errors) {
-  return errors.most <= kSmallExcess && errors.nees >= kSmallestNees && errors.nees <= kLargestNees;
+  return errors.most <= kSmallExcess && errors.nees >= kSmallestNees &&
+         errors.nees <= kLargestNees && !errors.moved;
 }
 
 std::string in_words(const ExpectedErrors& errors) {
@@ -169,6 +163,7 @@ std::string in_words(const ExpectedErrors& errors) {
   out += "; likelier is the model with " + errors.if_right;
   if (!errors.worst_state.empty())
     out += fmt::format(", it is {} that loses most", errors.worst_state);
+  if (errors.moved) out += ", and " + *errors.moved;
   return out;
 }
 
@@ -199,7 +194,8 @@ ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
                                const ExpectedErrorsOptions& options) {
   ExpectedErrors out;
   Model best = model;
-  if (const auto likelier = likelier_extension(root, model, recordings, options)) {
+  const auto likelier = likelier_extension(root, model, recordings, estimate, options);
+  if (likelier) {
     best = likelier->model;
     take_larger(errors_if_right(model, best, recordings), likelier->what, out);
   }
@@ -214,6 +210,7 @@ ExpectedErrors expected_errors(const YamlNode& root, const Model& model,
   }
   const double ratio = (1.0 + out.excess) * (1.0 + out.excess);
   out.most = std::sqrt(ratio + unexplained(best, recordings)) - 1.0;
+  if (likelier && !likelier->moved.empty()) out.moved = in_words(likelier->moved.front(), estimate);
   return out;
 }
 
@@ -254,6 +251,7 @@ void judge_by_expected_errors(const YamlNode& root, const Model& given,
                               const ExpectedErrorsOptions& options) {
   if (!innovations_contradict(estimate)) return;
   Model model = checked(given, recordings);
+  if (moves_without_noise(model)) return;
   model.parameters = parameters_of(estimate, model.parameters);
   bool stopped = false;
   ExpectedErrorsOptions watched = options;

@@ -25,6 +25,9 @@ struct ExpectedErrors {
   double most = 0.0;
   double nees = 1.0;        ///< mean of expected squared errors over the filter's own variances
   std::string worst_state;  ///< with the largest share; empty: none
+  /// In words, an estimate that is no size of the noise and would be another with the likelier model
+  /// (identify/noise/internal/moved_estimates.h); else nothing.
+  std::optional<std::string> moved;
 };
 
 struct ExpectedErrorsOptions {
@@ -68,9 +71,10 @@ void judge_by_undecided(const std::vector<UndecidedPart>& parts, const Model& mo
 bool innovations_contradict(const NoiseEstimate& estimate);
 
 /// Where tests of the innovations fail: adds expected_errors() to the estimate, and concludes again
-/// by their size. What the innovations show is serious unless the states lose at most 3 % by it and
-/// their squared errors are 2/3 to 3/2 of their variances. Nothing is added where `progress` stops
-/// the trials.
+/// by their size. What the innovations show is serious unless the states lose at most 3 % by it,
+/// their squared errors are 2/3 to 3/2 of their variances, and no estimate but of noise would be
+/// another. Nothing is added where `progress` stops the trials, nor where no noise moves the states:
+/// what is asked for then are the parameters.
 ///
 /// Example:
 ///

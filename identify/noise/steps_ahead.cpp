@@ -11,6 +11,7 @@
 #include "identify/filter/predicted_motion.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/model/check.h"
+#include "identify/model/noise_entries.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/coloured_errors.h"
@@ -143,16 +144,9 @@ LikelihoodProblem problem_ahead(PredictionAhead& ahead, const Model& model) {
 // The model with its noise as it is: what changes only that predicts nothing by itself.
 Model with_known_noise(Model model) {
   const std::vector<EntryDerivative> entries = entry_derivatives(model.parameters);
-  const std::vector<StateSpace> by = model_derivatives(noise_model(model), model.parameters);
-  const ParameterSet all = model.parameters;
+  const std::vector<bool> noise = entries_of_noise(model);
   for (std::size_t e = 0; e < entries.size(); ++e) {
-    const auto p = static_cast<std::size_t>(entries[e].parameter);
-    const bool formulas = is_formula_model(model);
-    const bool in_formulas = formulas && p < as_formulas(model).equations.column.size() &&
-                             as_formulas(model).equations.column[p] != NonlinearModel::kInNoFormula;
-    if (!in_formulas && changes_only_noise(by[e]) && !changes_start(by[e])) {
-      model.parameters[p].fixed = true;
-    }
+    if (noise[e]) model.parameters[static_cast<std::size_t>(entries[e].parameter)].fixed = true;
   }
   return model;
 }

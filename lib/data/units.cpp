@@ -20,25 +20,26 @@ struct NamedUnit {
   Unit unit;
 };
 
-constexpr std::array<double, 5> kNumber{};
-constexpr std::array<double, 5> kLength{1, 0, 0, 0, 0};
-constexpr std::array<double, 5> kMassOnly{0, 1, 0, 0, 0};
-constexpr std::array<double, 5> kTime{0, 0, 1, 0, 0};
-constexpr std::array<double, 5> kCurrent{0, 0, 0, 1, 0};
-constexpr std::array<double, 5> kTemperature{0, 0, 0, 0, 1};
-constexpr std::array<double, 5> kSpeed{1, 0, -1, 0, 0};
-constexpr std::array<double, 5> kAcceleration{1, 0, -2, 0, 0};
-constexpr std::array<double, 5> kRate{0, 0, -1, 0, 0};
-constexpr std::array<double, 5> kForce{1, 1, -2, 0, 0};
-constexpr std::array<double, 5> kEnergy{2, 1, -2, 0, 0};
-constexpr std::array<double, 5> kPower{2, 1, -3, 0, 0};
-constexpr std::array<double, 5> kVoltage{2, 1, -3, -1, 0};
-constexpr std::array<double, 5> kCharge{0, 0, 1, 1, 0};
-constexpr std::array<double, 5> kResistance{2, 1, -3, -2, 0};
-constexpr std::array<double, 5> kCapacitance{-2, -1, 4, 2, 0};
-constexpr std::array<double, 5> kPressure{-1, 1, -2, 0, 0};
-constexpr std::array<double, 5> kInductance{2, 1, -2, -2, 0};
-constexpr std::array<double, 5> kVolume{3, 0, 0, 0, 0};
+constexpr Exponents kNumber{};
+constexpr Exponents kLength{1};
+constexpr Exponents kMassOnly{0, 1};
+constexpr Exponents kTime{0, 0, 1};
+constexpr Exponents kCurrent{0, 0, 0, 1};
+constexpr Exponents kTemperature{0, 0, 0, 0, 1};
+constexpr Exponents kSpeed{1, 0, -1};
+constexpr Exponents kAcceleration{1, 0, -2};
+constexpr Exponents kRate{0, 0, -1};
+constexpr Exponents kForce{1, 1, -2};
+constexpr Exponents kEnergy{2, 1, -2};
+constexpr Exponents kPower{2, 1, -3};
+constexpr Exponents kVoltage{2, 1, -3, -1};
+constexpr Exponents kCharge{0, 0, 1, 1};
+constexpr Exponents kResistance{2, 1, -3, -2};
+constexpr Exponents kCapacitance{-2, -1, 4, 2};
+constexpr Exponents kPressure{-1, 1, -2};
+constexpr Exponents kInductance{2, 1, -2, -2};
+constexpr Exponents kVolume{3};
+constexpr Exponents kAmount{0, 0, 0, 0, 0, 1};
 
 constexpr double kMile = 1609.344;
 
@@ -46,17 +47,23 @@ constexpr double kMile = 1609.344;
 // "min" is the minute. "rps" is left out on purpose: some write it for rad/s, some for rev/s.
 // "nm" is there so that "NM" stays ambiguous and is refused rather than read as one of the two; MW,
 // MV, MOhm, MN and MH so that capitals mean mega, and mHz so that small letters mean milli.
+// "mg" is left out too: milligram to some, a thousandth of gravity to others. MJ, mPa and mF as above.
 // "H" alone is the hour of "KM/H", never the henry: write 1000 mH, or V s/A.
 constexpr NamedUnit kUnits[] = {
     {"%", {0.01, 0.0, kNumber}},
+    {"percent", {0.01, 0.0, kNumber}},
+    {"ppm", {1e-6, 0.0, kNumber}},
     {"rad", {1.0, 0.0, kNumber}},
     {"mrad", {1e-3, 0.0, kNumber}},
     {"deg", {kDegree, 0.0, kNumber}},
     {"degree", {kDegree, 0.0, kNumber}},
     {"degrees", {kDegree, 0.0, kNumber}},
+    {"arcmin", {kDegree / 60.0, 0.0, kNumber}},
+    {"arcsec", {kDegree / 3600.0, 0.0, kNumber}},
     {"rev", {2.0 * std::numbers::pi, 0.0, kNumber}},
     {"m", {1.0, 0.0, kLength}},
     {"nm", {1e-9, 0.0, kLength}},
+    {"um", {1e-6, 0.0, kLength}},
     {"mm", {1e-3, 0.0, kLength}},
     {"cm", {1e-2, 0.0, kLength}},
     {"km", {1e3, 0.0, kLength}},
@@ -65,12 +72,20 @@ constexpr NamedUnit kUnits[] = {
     {"mi", {kMile, 0.0, kLength}},
     {"s", {1.0, 0.0, kTime}},
     {"sec", {1.0, 0.0, kTime}},
+    {"seconds", {1.0, 0.0, kTime}},
     {"ms", {1e-3, 0.0, kTime}},
     {"us", {1e-6, 0.0, kTime}},
     {"ns", {1e-9, 0.0, kTime}},
     {"min", {60.0, 0.0, kTime}},
+    {"minutes", {60.0, 0.0, kTime}},
     {"h", {3600.0, 0.0, kTime}},
     {"hr", {3600.0, 0.0, kTime}},
+    {"hours", {3600.0, 0.0, kTime}},
+    {"d", {86400.0, 0.0, kTime}},
+    {"day", {86400.0, 0.0, kTime}},
+    {"days", {86400.0, 0.0, kTime}},
+    {"week", {604800.0, 0.0, kTime}},
+    {"weeks", {604800.0, 0.0, kTime}},
     {"kg", {1.0, 0.0, kMassOnly}},
     {"t", {1e3, 0.0, kMassOnly}},
     {"lb", {0.45359237, 0.0, kMassOnly}},
@@ -85,6 +100,7 @@ constexpr NamedUnit kUnits[] = {
     {"mHz", {1e-3, 0.0, kRate}},
     {"kHz", {1e3, 0.0, kRate}},
     {"MHz", {1e6, 0.0, kRate}},
+    {"GHz", {1e9, 0.0, kRate}},
     {"rpm", {2.0 * std::numbers::pi / 60.0, 0.0, kRate}},
     {"dps", {kDegree, 0.0, kRate}},
     {"mN", {1e-3, 0.0, kForce}},
@@ -94,18 +110,25 @@ constexpr NamedUnit kUnits[] = {
     {"Nm", {1.0, 0.0, kEnergy}},
     {"kNm", {1e3, 0.0, kEnergy}},
     {"J", {1.0, 0.0, kEnergy}},
+    {"mJ", {1e-3, 0.0, kEnergy}},
     {"kJ", {1e3, 0.0, kEnergy}},
+    {"MJ", {1e6, 0.0, kEnergy}},
+    {"GJ", {1e9, 0.0, kEnergy}},
     {"Wh", {3600.0, 0.0, kEnergy}},
     {"kWh", {3.6e6, 0.0, kEnergy}},
+    {"MWh", {3.6e9, 0.0, kEnergy}},
     {"mW", {1e-3, 0.0, kPower}},
     {"W", {1.0, 0.0, kPower}},
     {"kW", {1e3, 0.0, kPower}},
     {"MW", {1e6, 0.0, kPower}},
+    {"GW", {1e9, 0.0, kPower}},
+    {"uA", {1e-6, 0.0, kCurrent}},
     {"mA", {1e-3, 0.0, kCurrent}},
     {"A", {1.0, 0.0, kCurrent}},
     {"kA", {1e3, 0.0, kCurrent}},
     {"Ah", {3600.0, 0.0, kCharge}},
     {"mAh", {3.6, 0.0, kCharge}},
+    {"uV", {1e-6, 0.0, kVoltage}},
     {"mV", {1e-3, 0.0, kVoltage}},
     {"V", {1.0, 0.0, kVoltage}},
     {"kV", {1e3, 0.0, kVoltage}},
@@ -115,20 +138,35 @@ constexpr NamedUnit kUnits[] = {
     {"kOhm", {1e3, 0.0, kResistance}},
     {"MOhm", {1e6, 0.0, kResistance}},
     {"F", {1.0, 0.0, kCapacitance}},
+    {"mF", {1e-3, 0.0, kCapacitance}},
+    {"MF", {1e6, 0.0, kCapacitance}},
     {"uF", {1e-6, 0.0, kCapacitance}},
+    {"nF", {1e-9, 0.0, kCapacitance}},
+    {"pF", {1e-12, 0.0, kCapacitance}},
     {"uH", {1e-6, 0.0, kInductance}},
     {"mH", {1e-3, 0.0, kInductance}},
     {"MH", {1e6, 0.0, kInductance}},
     {"l", {1e-3, 0.0, kVolume}},
+    {"dl", {1e-4, 0.0, kVolume}},
     {"ml", {1e-6, 0.0, kVolume}},
+    {"mL", {1e-6, 0.0, kVolume}},
     {"Ml", {1e3, 0.0, kVolume}},
     {"Pa", {1.0, 0.0, kPressure}},
+    {"hPa", {100.0, 0.0, kPressure}},
     {"kPa", {1e3, 0.0, kPressure}},
+    {"mPa", {1e-3, 0.0, kPressure}},
+    {"MPa", {1e6, 0.0, kPressure}},
+    {"atm", {101325.0, 0.0, kPressure}},
     {"mbar", {100.0, 0.0, kPressure}},
     {"bar", {1e5, 0.0, kPressure}},
     {"psi", {6894.757293168361, 0.0, kPressure}},
     {"K", {1.0, 0.0, kTemperature}},
     {"degC", {1.0, 273.15, kTemperature}},
+    {"degF", {5.0 / 9.0, 459.67 * 5.0 / 9.0, kTemperature}},
+    {"mol", {1.0, 0.0, kAmount}},
+    {"umol", {1e-6, 0.0, kAmount}},
+    {"mmol", {1e-3, 0.0, kAmount}},
+    {"kmol", {1e3, 0.0, kAmount}},
 };
 
 // Beyond this a text is not a unit; it also bounds the depth of parentheses.
@@ -334,7 +372,7 @@ std::optional<Unit> parse_unit(std::string_view text) {
 Unit unit_or_dimensionless(std::string_view text) { return parse_unit(text).value_or(Unit{}); }
 
 std::string si_unit(const Unit& unit) {
-  constexpr std::array<const char*, 5> kNames{"m", "kg", "s", "A", "K"};
+  constexpr std::array<const char*, 6> kNames{"m", "kg", "s", "A", "K", "mol"};
   std::string out;
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     const double power = unit.dimension[i];

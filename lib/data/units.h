@@ -8,13 +8,15 @@
 
 namespace identikal {
 
-/// value in SI = scale * value + offset. `dimension` holds the exponents of metre, kilogram,
-/// second, ampere and kelvin, fractions too; angles are dimensionless, as in the SI (so N/rad and N
+/// Of metre, kilogram, second, ampere, kelvin and mole, fractions too.
+using Exponents = std::array<double, 6>;
+
+/// value in SI = scale * value + offset. Angles are without dimension, as in the SI (so N/rad and N
 /// agree, 1/s and rad/s too).
 struct Unit {
   double scale = 1.0;
   double offset = 0.0;
-  std::array<double, 5> dimension{};
+  Exponents dimension{};
 
   double to_si(double value) const { return scale * value + offset; }
   double from_si(double value) const { return (value - offset) / scale; }

@@ -10,8 +10,6 @@
 namespace identikal {
 namespace {
 
-using Exponents = std::array<double, 5>;
-
 struct NamedDimension {
   std::string_view name;
   Exponents exponent;
@@ -40,6 +38,8 @@ constexpr NamedDimension kDimensions[] = {
     {"a stiffness", {0, 1, -2}},
     {"a flow", {3, 0, -1}},
     {"a density", {-3, 1}},
+    {"an amount of substance", {0, 0, 0, 0, 0, 1}},
+    {"a concentration", {-3, 0, 0, 0, 0, 1}},
 };
 
 // Fractions such as 1/3 are rounded; powers that a formula can mean are far coarser.
@@ -55,8 +55,8 @@ bool same_exponents(const Exponents& a, const Exponents& b) {
 
 // "kg m^2/(s^3 A)"
 std::string si_product(const Exponents& exponent) {
-  constexpr std::pair<std::size_t, std::string_view> kOrder[] = {
-      {1, "kg"}, {0, "m"}, {2, "s"}, {3, "A"}, {4, "K"}};
+  constexpr std::pair<std::size_t, std::string_view> kOrder[] = {{1, "kg"}, {0, "m"}, {2, "s"},
+                                                                 {3, "A"},  {4, "K"}, {5, "mol"}};
   std::string above, below;
   int factors_below = 0;
   for (const auto& [index, name] : kOrder) {

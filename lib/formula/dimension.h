@@ -1,7 +1,6 @@
 // Do the units of a formula fit together?
 #pragma once
 
-#include <array>
 #include <span>
 #include <string>
 
@@ -10,10 +9,9 @@
 
 namespace identikal {
 
-/// Exponents of metre, kilogram, second, ampere and kelvin. They may be fractions: sqrt(m) is
-/// m^0.5. Angles have none.
+/// Fractions too: sqrt(m) is m^0.5. Angles have none.
 struct Dimension {
-  std::array<double, 5> exponent{};
+  Exponents exponent{};
   /// A plain number, such as the 5 of vx > 5, means SI where it is compared with a quantity or
   /// stands beside one in min, max, if, atan2 or hypot, and where it is all of a formula. In sums
   /// only 0 does.

@@ -413,7 +413,7 @@ std::unique_ptr<Search> begin_search(const FittedModel& base, const ModelExtensi
     out->likelihood->condition_on_beginning();
     out->likelihood->weigh_by_priors();
     out->x = coordinates(fitted.model.parameters);
-    if (is_constant(extension.kind) && least_gain > 0.0 &&
+    if ((is_constant(extension.kind) || is_curve(extension.kind)) && least_gain > 0.0 &&
         predicted_gain(out->likelihood->problem(), out->x) < least_gain) {
       return nullptr;
     }
@@ -544,6 +544,17 @@ std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recor
   return end.summary.objective;
 }
 
+std::vector<Dataset> rows_to_fit(const std::vector<Dataset>& recordings) {
+  std::vector<Dataset> out;
+  Index left = 5000;
+  for (const Dataset& data : recordings) {
+    if (left < 2) break;
+    out.push_back(first_samples(data, std::min(left, data.size())));
+    left -= out.back().size();
+  }
+  return out;
+}
+
 std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
                                                 const std::vector<Dataset>& recordings) {
   std::vector<ModelExtension> out;
@@ -565,12 +576,37 @@ std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Mode
   for (const std::vector<ModelExtension>& more :
        {scales_and_delays(root, model, step), of_inputs(model, recordings[0]),
         process_noises(model), coloured_process_noises(root, model, step),
-        noises_of_their_own(root, model, sizes)}) {
+        noises_of_their_own(root, model, sizes), curved_motions(root, model, recordings)}) {
     out.insert(out.end(), more.begin(), more.end());
   }
   if (recordings.size() == 1) {
     const std::vector<ModelExtension> changes = noise_changes(model, recordings[0], filter);
     out.insert(out.end(), changes.begin(), changes.end());
+  }
+  return out;
+}
+
+std::vector<ModelExtension> curved_motions(const YamlNode& root, const Model& model,
+                                           const std::vector<Dataset>& recordings) {
+  std::vector<ModelExtension> out;
+  const YamlNode* initial = find(root, "initial");
+  if (initial == nullptr || find(*initial, "mean") == nullptr) return out;
+  const FilterResult filter = run_filter(model, model.parameters, recordings[0]);
+  if (filter.status != FilterStatus::ok) return out;
+  const MatrixXd Q = written_process_noise(model);
+  for (std::size_t i = 0; i < model.states.size(); ++i) {
+    const auto at = static_cast<Index>(i);
+    const std::string& name = model.states[i].name;
+    const double size = std::sqrt(filter.x_filt.row(at).squaredNorm() /
+                                  static_cast<double>(std::max<Index>(1, filter.x_filt.cols())));
+    if (!(Q(at, at) > 0.0 && size > 0.0) || name.starts_with("error_") ||
+        name.starts_with("disturbance_")) {
+      continue;
+    }
+    if (!has_parameter(model, "drag_" + name))
+      out.push_back({ExtensionKind::quadratic_damping, {name}, {size}});
+    if (!has_parameter(model, "friction_" + name))
+      out.push_back({ExtensionKind::dry_friction, {name}, {size}});
   }
   return out;
 }
@@ -620,6 +656,27 @@ std::optional<LikeliestExtension> likeliest_extension(
     }
     searches[i].reset();  // what it was better than may be determined
   }
+}
+
+std::optional<LikeliestExtension> likeliest_curve(
+    const FittedModel& base, const std::vector<ModelExtension>& curves,
+    const std::vector<Dataset>& recordings, double least_gain,
+    const std::function<bool(const ModelExtension& extension)>& progress) {
+  std::optional<LikeliestExtension> out;
+  Told told(progress);
+  const std::optional<double> step = shared_step(base.model, recordings);
+  double to_beat = base.log_likelihood + least_gain;
+  for (std::size_t i = 0; i < curves.size() && told.goes_on(curves[i]); ++i) {
+    const auto search = begin_search(base, curves[i], recordings, step, least_gain);
+    if (!search) continue;
+    go_on(*search, kMostIterations);
+    if (!(search->fitted.log_likelihood > to_beat)) continue;
+    auto found = found_by(*search, base, curves[i], recordings);
+    if (!found) continue;
+    to_beat = found->log_likelihood;
+    out = LikeliestExtension{i, std::move(*found)};
+  }
+  return out;
 }
 
 }  // namespace identikal

@@ -24,16 +24,24 @@ struct FittedModel {
 /// @return the log-likelihood
 std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recordings);
 
+/// The first 5000 rows of all recordings together: what extensions are fitted to.
+std::vector<Dataset> rows_to_fit(const std::vector<Dataset>& recordings);
+
 /// The extensions that there are: a bias and an error that lasts of each output, where they are
 /// few, and of all of them; errors that last, alike, of outputs whose noise is written with the
 /// same variance; a scale and, in continuous time, a delay of each; bias, scale and lasting error
 /// of each input, where they are few; process noise of states without any, and coloured process
 /// noise of those that have some; measurement noise of its own of each of few outputs whose noise
-/// is written alike. Their sizes begin at half of the innovations'. And of one recording, whose
+/// is written alike; curved_motions(). Their sizes begin at half of the innovations'. And of one recording, whose
 /// innovations change their size: measurement noise, or process noise, that changes where they do.
 /// Nothing where the filter does not run.
 std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
                                                 const std::vector<Dataset>& recordings);
+
+/// Quadratic damping and dry friction of every state that has process noise, where the start is given by
+/// its mean. Nothing where the filter does not run.
+std::vector<ModelExtension> curved_motions(const YamlNode& root, const Model& model,
+                                           const std::vector<Dataset>& recordings);
 
 /// The model with each of the further parts, fitted from the values of `base`, some at a time; what
 /// comes out does not depend on how many. Nothing where a part does not go with the model, or the
@@ -54,12 +62,19 @@ struct LikeliestExtension {
 
 /// Of the same the one with the least BIC, if that is below that of `base`. All are searched side
 /// by side, a few steps at a time, and those that can hardly reach the best any more are left; a
-/// bias, scale or delay whose score promises less than half of BIC's penalty is not searched at
-/// all.
+/// bias, scale, delay or curve whose score promises less than half of BIC's penalty is not searched
+/// at all.
 /// @return nothing, too, where progress() has stopped it
 std::optional<LikeliestExtension> likeliest_extension(
     const FittedModel& base, const std::vector<ModelExtension>& extensions,
     const std::vector<Dataset>& recordings, int threads,
+    const std::function<bool(const ModelExtension& extension)>& progress);
+
+/// Of curves the one that the log-likelihood gains most by, of those whose score promises, and whose fit
+/// gains, at least `least_gain`.
+std::optional<LikeliestExtension> likeliest_curve(
+    const FittedModel& base, const std::vector<ModelExtension>& curves,
+    const std::vector<Dataset>& recordings, double least_gain,
     const std::function<bool(const ModelExtension& extension)>& progress);
 
 }  // namespace identikal

@@ -148,6 +148,33 @@ TEST(ExpectedErrors, SmallOnesLeaveTheResultInForce) {
   for (const EstimatedParameter& p : estimate.parameters) EXPECT_EQ(p.verdict, Verdict::ok);
 }
 
+// Growth that levels off, taken for growth without end: no noise moves the state, whose errors are those
+// of the parameters.
+TEST(ExpectedErrors, AreNoMeasureWhereNoNoiseMovesTheStates) {
+  const YamlNode root = parse_yaml(R"(identikal: 1
+time: {kind: discrete, step: 1 s, column: t}
+parameters: {a: {value: 1.01, min: 0.5, max: 2}, x0: {value: 1, min: 0.01, max: 100}, r: {value: 1, min: 0}}
+states: [x]
+dynamics: {x: a*x}
+outputs: {y: {column: y, equals: x}}
+noise: {measurement: {variance: {y: r}}}
+initial: {mean: {x: x0}}
+)",
+                                   "growth.yaml");
+  const Model model = model_of(root, "growth.yaml");
+  Drive drive = simulated(0.0, 200, 7);
+  Random random(8);
+  for (Index t = 0; t < 200; ++t) {
+    const double u = static_cast<double>(t) / 20.0;
+    drive.recording.y(0, t) = 10.0 * std::tanh(u) + 0.3 * random.normal();
+  }
+  NoiseEstimate out = tune_ml(model, {drive.recording}, {});
+  judge_by_expected_errors(root, model, {drive.recording}, out, {});
+  EXPECT_EQ(out.status, Status::untrusted);
+  EXPECT_TRUE(has(out, FindingCode::coloured_innovations, Severity::serious));
+  EXPECT_FALSE(has(out, FindingCode::expected_errors, Severity::note));
+}
+
 TEST(ExpectedErrors, ARightModelIsNotAsked) {
   const NoiseEstimate estimate = judged(simulated(0.0, 2000, 5));
   EXPECT_EQ(estimate.status, Status::ok);

@@ -9,8 +9,6 @@
 namespace identikal {
 namespace {
 
-using Exponents = std::array<double, 5>;
-
 constexpr double kPi = std::numbers::pi;
 constexpr Exponents kNumber{};
 constexpr Exponents kSpeed{1, 0, -1, 0, 0};
@@ -113,6 +111,32 @@ TEST(Units, TableHoldsWhatVehicleAndProcessFilesUse) {
   });
 }
 
+TEST(Units, OfBuildingsBatteriesAndChemistry) {
+  expect_units({
+      {"d", 86400, {0, 0, 1}},
+      {"days", 86400, {0, 0, 1}},
+      {"1/week", 1 / 604800.0, kRate},
+      {"hours", 3600, {0, 0, 1}},
+      {"MJ/K", 1e6, {2, 1, -2, 0, -1}},
+      {"mJ", 1e-3, kTorque},
+      {"MWh", 3.6e9, kTorque},
+      {"uA", 1e-6, {0, 0, 0, 1}},
+      {"nF", 1e-9, {-2, -1, 4, 2}},
+      {"MF", 1e6, {-2, -1, 4, 2}},
+      {"hPa", 100, {-1, 1, -2}},
+      {"mL/min", 1e-6 / 60, {3, 0, -1}},
+      {"mol/l", 1e3, {-3, 0, 0, 0, 0, 1}},
+      {"mmol/l", 1, {-3, 0, 0, 0, 0, 1}},
+      {"kJ/mol", 1e3, {2, 1, -2, 0, 0, -1}},
+      {"um", 1e-6, {1}},
+      {"arcsec", kPi / 648000, kNumber},
+      {"ppm", 1e-6, kNumber},
+  });
+  // Milligram to some, a thousandth of gravity to others.
+  EXPECT_FALSE(parse_unit("mg"));
+  EXPECT_EQ(si_unit(*parse_unit("mol/l")), "m^-3 mol");
+}
+
 TEST(Units, DimensionlessIsWrittenInSeveralWays) {
   expect_units({{"", 1, kNumber}, {"-", 1, kNumber}, {"1", 1, kNumber}, {"  ", 1, kNumber}});
 }
@@ -187,6 +211,7 @@ TEST(Units, TemperatureOffsetCountsOnlyAlone) {
   EXPECT_DOUBLE_EQ(celsius->to_si(20.0), 293.15);
   EXPECT_DOUBLE_EQ(celsius->from_si(293.15), 20.0);
   EXPECT_EQ(parse_unit("\u00B0C")->offset, 273.15);
+  EXPECT_NEAR(parse_unit("\u00B0F")->to_si(212.0), 373.15, 1e-10);
   for (const char* text : {"degC/s", "1/degC", "W/degC", "degC^2"}) {
     SCOPED_TRACE(text);
     ASSERT_TRUE(parse_unit(text));

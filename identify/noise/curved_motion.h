@@ -1,0 +1,36 @@
+// Do the equations of motion lack a curve that would change an estimate?
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "identify/estimate/results.h"
+#include "identify/model/extension.h"
+#include "identify/model/model.h"
+#include "identify/model/yaml_reader.h"
+#include "lib/data/dataset.h"
+
+namespace identikal {
+
+/// Process noise takes over what a motion lacks, and innovations stay white while the estimates beside it
+/// are off. Where something else than noise is estimated: score tests of quadratic damping and dry
+/// friction in every state that has process noise (identify/noise/internal/extension_fit.h), on at
+/// most 5000 rows, at p below 0.001 for all of them together. The likeliest is fitted, and where an
+/// estimate would be another with it the finding `nonlinear` is serious, else a warning; concludes
+/// again.
+/// Source of the idea: Rao (1948), "Large sample tests of statistical hypotheses", Proc. Camb. Phil. Soc. 44.
+///
+/// Example:
+///
+///     const YamlNode root = read_yaml("motor.yaml");
+///     NoiseEstimate tuned;  // = tune_ml(model, recordings)
+///     judge_by_curves(root, model, recordings, tuned, {});
+///
+/// @param root      the model's file as a tree
+/// @param model     as given, its values do not count: those of the estimate do
+/// @param progress  as fit_extensions() takes it
+void judge_by_curves(const YamlNode& root, const Model& model,
+                     const std::vector<Dataset>& recordings, NoiseEstimate& estimate,
+                     const std::function<bool(const ModelExtension& extension)>& progress);
+
+}  // namespace identikal
