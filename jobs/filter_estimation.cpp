@@ -7,7 +7,10 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/pictures.h"
 #include "identify/filter/recordings_check.h"
+#include "identify/model/components.h"
 #include "identify/model/own_parameters.h"
+#include "identify/model/row_order.h"
+#include "identify/model/sensors.h"
 #include "identify/model/simulation_model.h"
 #include "lib/base/error.h"
 
@@ -35,6 +38,21 @@ void place_held_out(Model& model, HeldOut& held) {
 }
 
 }  // namespace
+
+bool takes_further_parts(const Model& model) {
+  return !model.states.empty() && !model.student && model.recordings.empty() &&
+         !rows_have_no_order(model, model.parameters);
+}
+
+YamlNode written_out(const Run& run) {
+  return with_sensors(with_components(run.call.inputs.model_tree(run.model)));
+}
+
+std::function<bool(const ModelExtension& extension)> told_of_parts(const Run& run) {
+  return [&run](const ModelExtension& extension) {
+    return report_progress(run.call, "trying " + in_words(extension));
+  };
+}
 
 NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   NoiseMlOptions options;

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "identify/model/simulation_model.h"
+#include "identify/noise/curved_motion.h"
 #include "identify/noise/steps_ahead.h"
 #include "identify/regression/batch.h"
 #include "lib/base/error.h"
@@ -91,8 +92,13 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
     NoiseMlOptions options = likelihood_options(given.search, run);
     if (simulation) options.objective = FitObjective::simulation;
     if (given.errors == "likelihood") options.errors = NoiseSize::likelihood;
-    return steps > 1 ? fit_steps_ahead(of, recordings, steps, options)
-                     : tune_ml(of, recordings, options);
+    if (steps > 1) return fit_steps_ahead(of, recordings, steps, options);
+    NoiseEstimate out = tune_ml(of, recordings, options);
+    const bool as_it_is = given.model.filter.empty() && !given.reject_outliers && !given.robust;
+    if (!simulation && as_it_is && takes_further_parts(of)) {
+      judge_by_curves(written_out(run), of, recordings, out, told_of_parts(run));
+    }
+    return out;
   };
   return estimate_filter(run, std::move(model), given.recordings, given.search.hold_out,
                          given.reject_outliers || given.robust, estimator,

@@ -8,11 +8,8 @@
 #include <fmt/format.h>
 
 #include "identify/filter/pictures.h"
-#include "identify/model/components.h"
 #include "identify/model/heavy_tails.h"
 #include "identify/model/model_file.h"
-#include "identify/model/row_order.h"
-#include "identify/model/sensors.h"
 #include "identify/noise/als.h"
 #include "identify/noise/auto.h"
 #include "identify/noise/bayes.h"
@@ -212,8 +209,7 @@ Outcome tune_further(const TuneOptions& options, const Run& run, Model model) {
   of_search.progress = [&run](const std::string& what) {
     return report_progress(run.call, "trying " + what);
   };
-  const std::string& path = options.model.file;
-  const YamlNode root = with_sensors(with_components(run.call.inputs.model_tree(path)));
+  const YamlNode root = written_out(run);
   ExtendResult result = tune_extended(root, model, recordings.data, of_search);
   const auto estimate = std::make_shared<NoiseEstimate>(std::move(result.estimate));
   std::vector<ResultFile> files;
@@ -316,19 +312,15 @@ Outcome tune_digests(const TuneOptions& options, const Run& run, Model model) {
 // Of the model file as it is, and where the likelihood chose.
 bool weighs_further_parts(const TuneOptions& options, const Model& model) {
   return options.method == "ml" && !options.reject_outliers && options.model.filter.empty() &&
-         !model.states.empty() && !model.student && model.recordings.empty() &&
-         !rows_have_no_order(model, model.parameters);
+         takes_further_parts(model);
 }
 
 void judge_by_further_parts(const TuneOptions& options, const Run& run, const Model& model,
                             const std::vector<Dataset>& recordings, NoiseEstimate& out) {
-  const std::string& path = options.model.file;
-  const YamlNode root = with_sensors(with_components(run.call.inputs.model_tree(path)));
+  const YamlNode root = written_out(run);
   ExpectedErrorsOptions further;
   further.threads = static_cast<int>(options.search.threads);
-  further.progress = [&run](const ModelExtension& extension) {
-    return report_progress(run.call, "trying " + in_words(extension));
-  };
+  further.progress = told_of_parts(run);
   judge_by_expected_errors(root, model, recordings, out, further);
   judge_by_curves(root, model, recordings, out, further.progress);
 }

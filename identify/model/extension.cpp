@@ -324,6 +324,22 @@ void add_dry_friction(YamlNode& model, const std::string& state, double size) {
   subtract(model, state, fmt::format("{}*tanh({}/{})", name, state, slow));
 }
 
+void add_cubic_stiffness(YamlNode& model, const std::string& state, const std::string& by) {
+  const std::string name = unused(model, "cubic_" + state + "_" + by), unit = unit_of(model, state),
+                    of_other = unit_of(model, by);
+  const bool with_units = !unit.empty() && !of_other.empty();
+  const char* per = has_continuous_time(model) ? "/s" : "";
+  add_parameter(model, name, 0.0, with_units ? unit + per + "/(" + of_other + ")^3" : "",
+                std::nullopt);
+  subtract(model, state, fmt::format("{}*{}^3", name, by));
+}
+
+void add_curved_input(YamlNode& model, const std::string& input) {
+  const std::string name = unused(model, "curve_" + input), unit = unit_of(model, input);
+  add_parameter(model, name, 0.0, unit.empty() ? "" : "1/(" + unit + ")", std::nullopt);
+  write_input(model, input, fmt::format("({1} + {0}*{1}*abs({1}))", name, input));
+}
+
 // The variances of these names times a ratio, from a time on.
 // @param of     "measurement" or "process"
 // @param about  what its parameters are named by
@@ -427,6 +443,11 @@ std::string in_words(const ModelExtension& extension) {
       return "quadratic damping of " + names;
     case ExtensionKind::dry_friction:
       return "dry friction of " + names;
+    case ExtensionKind::cubic_stiffness:
+      return fmt::format("a cubic term of {} in the motion of {}", extension.names[1],
+                         extension.names[0]);
+    case ExtensionKind::curved_input:
+      return "a curve of what " + names + " does";
     case ExtensionKind::process_noise:
       break;
   }
@@ -444,6 +465,17 @@ std::vector<std::vector<std::string>> states_alike(const YamlNode& model) {
 bool has_continuous_time(const YamlNode& model) {
   const YamlNode* kind = find(formulas_part(model, "time"), "kind");
   return kind != nullptr && kind->text == "continuous";
+}
+
+bool moves_by(const YamlNode& model, const std::string& state, const std::string& name) {
+  const YamlNode* formula = find(formulas_part(model, "dynamics"), state);
+  bool found = false;
+  if (formula == nullptr) return found;
+  with_names(formula->text, [&](const std::string& part) {
+    found = found || part == name;
+    return part;
+  });
+  return found;
 }
 
 bool can_be_late(const YamlNode& model, const std::string& output) {
@@ -476,6 +508,10 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
     bias ? add_opposite_biases(model, extension) : add_opposite_scales(model, extension);
     return model;
   }
+  if (extension.kind == ExtensionKind::cubic_stiffness) {
+    add_cubic_stiffness(model, extension.names[0], extension.names[1]);
+    return model;
+  }
   for (std::size_t i = 0; i < extension.names.size(); ++i) {
     const std::string& name = extension.names[i];
     const double size = extension.size[i];
@@ -489,8 +525,12 @@ YamlNode extended(YamlNode model, const ModelExtension& extension, double step) 
       case ExtensionKind::delay:
         add_delay(model, name);
         break;
+      case ExtensionKind::curved_input:
+        add_curved_input(model, name);
+        break;
       case ExtensionKind::lasting_error:
       case ExtensionKind::coloured_process_noise:
+      case ExtensionKind::cubic_stiffness:
         break;
       case ExtensionKind::measurement_noise_change:
         change_noise(model, "measurement", {name}, name, size, extension.from);

@@ -19,6 +19,8 @@ enum class ExtensionKind {
   process_noise_change,      ///< of all states that have process noise, likewise
   quadratic_damping,         ///< of a state: x' = f - c x |x|
   dry_friction,              ///< of a state: x' = f - c tanh(x/s), s known
+  cubic_stiffness,           ///< of a state by another one: x' = f - c z^3; names: x, z
+  curved_input,              ///< of an input: u + c u |u| acts in its place
 };
 
 /// A parameter of what is measured, and no state: bias, scale, delay.
@@ -27,9 +29,10 @@ inline bool is_constant(ExtensionKind kind) {
          kind == ExtensionKind::delay;
 }
 
-/// A parameter of a term that is not linear, in the dynamics of a state.
+/// A parameter of a term that is not linear, in the dynamics of a state or of an input.
 inline bool is_curve(ExtensionKind kind) {
-  return kind == ExtensionKind::quadratic_damping || kind == ExtensionKind::dry_friction;
+  return kind == ExtensionKind::quadratic_damping || kind == ExtensionKind::dry_friction ||
+         kind == ExtensionKind::cubic_stiffness || kind == ExtensionKind::curved_input;
 }
 
 struct ModelExtension {
@@ -59,6 +62,9 @@ std::vector<std::vector<std::string>> states_alike(const YamlNode& model);
 
 bool has_continuous_time(const YamlNode& model);
 
+/// Does the formula of a state's dynamics hold the name?
+bool moves_by(const YamlNode& model, const std::string& state, const std::string& name);
+
 /// Can it come late: is time continuous, and is it written in states, of which some move without
 /// noise, and parameters alone?
 bool can_be_late(const YamlNode& model, const std::string& output);
@@ -70,8 +76,8 @@ bool can_be_late(const YamlNode& model, const std::string& output);
 /// sd_disturbance_STATE and tau_disturbance_STATE of coloured process noise, whose state is
 /// disturbance_STATE (sd_disturbances and tau_disturbances); ratio_OUTPUT or ratio_process of a
 /// change, at the known time change_OUTPUT or change_process, of which there is none where it is
-/// always; drag_STATE; friction_STATE, with slow_STATE, a tenth of the state's size, known. What
-/// lasts begins with its own variance.
+/// always; drag_STATE; friction_STATE, with slow_STATE, a tenth of the state's size, known;
+/// cubic_STATE_OTHER; curve_INPUT. What lasts begins with its own variance.
 ///
 /// Example:
 ///

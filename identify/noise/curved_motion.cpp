@@ -14,6 +14,7 @@
 #include "identify/noise/estimate.h"
 #include "identify/noise/internal/extension_fit.h"
 #include "identify/noise/internal/moved_estimates.h"
+#include "identify/noise/internal/possible_extensions.h"
 
 namespace identikal {
 namespace {
@@ -35,8 +36,9 @@ Finding in_words(const ModelExtension& curve, double gain, const std::vector<Mov
   } else {
     text += ", and " + in_words(moved.front(), estimate);
   }
-  Finding out = make_finding(FindingCode::nonlinear, curve.names, text,
-                             "--extend tries it on rows held out; or write it into the dynamics");
+  Finding out = make_finding(
+      FindingCode::nonlinear, curve.names, text,
+      "'identikal tune --extend' tries it on rows held out; or write it into the dynamics");
   if (!moved.empty()) out.severity = Severity::serious;
   return out;
 }

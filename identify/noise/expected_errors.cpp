@@ -15,6 +15,7 @@
 #include "identify/model/noise_entries.h"
 #include "identify/noise/internal/extension_fit.h"
 #include "identify/noise/internal/moved_estimates.h"
+#include "identify/noise/internal/possible_extensions.h"
 
 namespace identikal {
 namespace {

@@ -14,6 +14,7 @@
 #include "identify/noise/expected_errors.h"
 #include "identify/noise/internal/extension_fit.h"
 #include "identify/noise/internal/gain_by_row.h"
+#include "identify/noise/internal/possible_extensions.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
 

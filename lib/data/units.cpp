@@ -234,7 +234,8 @@ std::string to_ascii(std::string_view text) {
 Unit power(const Unit& base, double exponent) {
   Unit out;
   out.scale = std::pow(base.scale, exponent);
-  for (std::size_t i = 0; i < 5; ++i) out.dimension[i] = base.dimension[i] * exponent;
+  for (std::size_t i = 0; i < out.dimension.size(); ++i)
+    out.dimension[i] = base.dimension[i] * exponent;
   return out;
 }
 
@@ -242,7 +243,7 @@ Unit power(const Unit& base, double exponent) {
 Unit product(const Unit& a, const Unit& b, double exponent_of_b) {
   Unit out = power(b, exponent_of_b);
   out.scale *= a.scale;
-  for (std::size_t i = 0; i < 5; ++i) out.dimension[i] += a.dimension[i];
+  for (std::size_t i = 0; i < out.dimension.size(); ++i) out.dimension[i] += a.dimension[i];
   return out;
 }
 

@@ -1,5 +1,4 @@
-// A model with a further part, fitted: what may be added to it, and how likely does that make the
-// recordings?
+// A model with a further part, fitted: how likely does that make the recordings?
 #pragma once
 
 #include <functional>
@@ -26,22 +25,6 @@ std::optional<double> fit_values(Model& model, const std::vector<Dataset>& recor
 
 /// The first 5000 rows of all recordings together: what extensions are fitted to.
 std::vector<Dataset> rows_to_fit(const std::vector<Dataset>& recordings);
-
-/// The extensions that there are: a bias and an error that lasts of each output, where they are
-/// few, and of all of them; errors that last, alike, of outputs whose noise is written with the
-/// same variance; a scale and, in continuous time, a delay of each; bias, scale and lasting error
-/// of each input, where they are few; process noise of states without any, and coloured process
-/// noise of those that have some; measurement noise of its own of each of few outputs whose noise
-/// is written alike; curved_motions(). Their sizes begin at half of the innovations'. And of one recording, whose
-/// innovations change their size: measurement noise, or process noise, that changes where they do.
-/// Nothing where the filter does not run.
-std::vector<ModelExtension> possible_extensions(const YamlNode& root, const Model& model,
-                                                const std::vector<Dataset>& recordings);
-
-/// Quadratic damping and dry friction of every state that has process noise, where the start is given by
-/// its mean. Nothing where the filter does not run.
-std::vector<ModelExtension> curved_motions(const YamlNode& root, const Model& model,
-                                           const std::vector<Dataset>& recordings);
 
 /// The model with each of the further parts, fitted from the values of `base`, some at a time; what
 /// comes out does not depend on how many. Nothing where a part does not go with the model, or the
