@@ -138,6 +138,13 @@ SolverOptions until_nothing_counts(int iterations) {
   return out;
 }
 
+// Half of it is BIC's penalty for an unknown.
+double log_of_rows(const std::vector<Dataset>& recordings) {
+  double rows = 0.0;
+  for (const Dataset& data : recordings) rows += static_cast<double>(data.size());
+  return std::log(rows);
+}
+
 // What a part gives that goes with the model; else nothing.
 template <typename Job>
 auto where_it_goes(const Job& job) -> decltype(job()) {
@@ -329,7 +336,8 @@ std::vector<std::optional<FittedModel>> fit_extensions(
   in_parallel(static_cast<int>(extensions.size()), threads, [&](int task) {
     const auto i = static_cast<std::size_t>(task);
     if (!told.goes_on(extensions[i])) return;
-    const std::unique_ptr<Search> search = begin_search(base, extensions[i], recordings, step, 0.0);
+    const double least = is_curve(extensions[i].kind) ? 0.25 * log_of_rows(recordings) : 0.0;
+    const auto search = begin_search(base, extensions[i], recordings, step, least);
     if (!search) return;
     go_on(*search, kMostIterations);
     out[i] = found_by(*search, base, extensions[i], recordings);
@@ -341,19 +349,18 @@ std::optional<LikeliestExtension> likeliest_extension(
     const FittedModel& base, const std::vector<ModelExtension>& extensions,
     const std::vector<Dataset>& recordings, int threads,
     const std::function<bool(const ModelExtension& extension)>& progress) {
-  double rows = 0.0;
-  for (const Dataset& data : recordings) rows += static_cast<double>(data.size());
+  const double log_rows = log_of_rows(recordings);
   Told told(progress);
   const std::optional<double> step = shared_step(base.model, recordings);
   std::vector<std::unique_ptr<Search>> searches(extensions.size());
   in_parallel(static_cast<int>(extensions.size()), threads, [&](int task) {
     const auto i = static_cast<std::size_t>(task);
     if (!told.goes_on(extensions[i])) return;
-    searches[i] = begin_search(base, extensions[i], recordings, step, 0.25 * std::log(rows));
+    searches[i] = begin_search(base, extensions[i], recordings, step, 0.25 * log_rows);
   });
   const double unknowns = static_cast<double>(free_entries(base.model.parameters).size());
-  const double to_beat = base.log_likelihood - 0.5 * std::log(rows) * unknowns;
-  Race race(extensions, std::log(rows), to_beat);
+  const double to_beat = base.log_likelihood - 0.5 * log_rows * unknowns;
+  Race race(extensions, log_rows, to_beat);
   while (true) {
     const int first = race.run(searches, threads, told);
     if (first < 0) return std::nullopt;

@@ -28,7 +28,7 @@ std::vector<Dataset> rows_to_fit(const std::vector<Dataset>& recordings);
 
 /// The model with each of the further parts, fitted from the values of `base`, some at a time; what
 /// comes out does not depend on how many. Nothing where a part does not go with the model, or the
-/// recordings do not determine it.
+/// recordings do not determine it, nor of a curve whose score promises less than half of BIC's penalty.
 /// @param base      at its maximum
 /// @param threads   0: as many as there are cores
 /// @param progress  told of each as it begins; where it returns false no further one begins, and
