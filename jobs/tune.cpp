@@ -317,6 +317,7 @@ bool weighs_further_parts(const TuneOptions& options, const Model& model) {
 
 void judge_by_further_parts(const TuneOptions& options, const Run& run, const Model& model,
                             const std::vector<Dataset>& recordings, NoiseEstimate& out) {
+  if (!innovations_contradict(out) && !may_lack_a_curve(model, out)) return;
   const YamlNode root = written_out(run);
   ExpectedErrorsOptions further;
   further.threads = static_cast<int>(options.search.threads);

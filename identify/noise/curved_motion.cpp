@@ -45,14 +45,20 @@ Finding in_words(const ModelExtension& curve, double gain, const std::vector<Mov
 
 }  // namespace
 
+bool may_lack_a_curve(const Model& model, const NoiseEstimate& estimate) {
+  if (estimate.status != Status::ok || model.states.empty() || moves_without_noise(model)) {
+    return false;
+  }
+  const std::vector<bool> noise = entries_of_noise(model);
+  return !std::all_of(noise.begin(), noise.end(), [](bool of_noise) { return of_noise; });
+}
+
 void judge_by_curves(const YamlNode& root, const Model& given,
                      const std::vector<Dataset>& recordings, NoiseEstimate& estimate,
                      const std::function<bool(const ModelExtension& extension)>& progress) {
-  if (estimate.status != Status::ok || find(root, "dynamics") == nullptr) return;
+  if (!may_lack_a_curve(given, estimate) || find(root, "dynamics") == nullptr) return;
   Model model = checked(given, recordings);
   model.parameters = parameters_of(estimate, model.parameters);
-  const std::vector<bool> noise = entries_of_noise(model);
-  if (std::all_of(noise.begin(), noise.end(), [](bool of_noise) { return of_noise; })) return;
   const std::vector<Dataset> rows = rows_to_fit(recordings);
   const std::vector<ModelExtension> curves = curved_motions(root, model, rows);
   if (curves.empty()) return;

@@ -183,6 +183,25 @@ void keep_constraints(SeveralStarts& found, RecordingsLikelihood& likelihood,
   }
 }
 
+// The size of the noise by n - p degrees of freedom, as least squares are reported: the likeliest one divides
+// by n.
+void report_residual_deviations(NoiseEstimate& estimate, const Model& model,
+                                const std::vector<Channel>& outputs, const ParameterSet& end,
+                                double share) {
+  const bool by_state = is_formula_model(model) && as_formulas(model).noise_scales.has_value();
+  if (by_state) return;
+  const Eigen::MatrixXd R = instantiate(noise_model(model), end).R;
+  for (std::size_t j = 0; j < outputs.size(); ++j) {
+    const auto i = static_cast<Index>(j);
+    if (outputs[j].is_pseudo || !(R(i, i) > 0.0)) continue;
+    const bool plain = outputs[j].transform == Transform::none;
+    estimate.derived.push_back(
+        {fmt::format("residual standard deviation of {}", outputs[j].name),
+         plain ? outputs[j].unit : "",
+         std::sqrt(R(i, i) * share) / (plain ? unit_scale(outputs[j].unit) : 1.0), kNone});
+  }
+}
+
 // Searches, and reports all that likelihood and search say: parameters with their errors, profiles,
 // bounds, the search itself.
 Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
@@ -225,12 +244,16 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
   const SimulationScore score =
       coloured ? simulation_score(model, likelihood.recordings(), end) : SimulationScore{};
   const auto samples = static_cast<Index>(likelihood.samples());
+  const std::vector<Dataset>& recordings = likelihood.recordings();
   const bool by_residuals = options.errors == NoiseSize::residuals && !coloured;
-  const double freedom =
-      by_residuals ? residual_freedom(model, likelihood.recordings(), samples) : kNone;
+  const double freedom = by_residuals ? residual_freedom(model, recordings, samples) : kNone;
   const JudgedMaximum judged = judge_maximum(estimate, likelihood, problem, end, best,
                                              found.on_circle, coloured ? &score : nullptr, freedom);
   report_priors(estimate, end);
+  if (std::isfinite(freedom) && !recordings.empty()) {
+    const double share = static_cast<double>(samples) / freedom;
+    report_residual_deviations(estimate, model, recordings.front().outputs, end, share);
+  }
   append(estimate.findings,
          check_constraints(model.constraints, likelihood.multipliers(), end, !coloured));
   if (!rows_have_no_order(model, end)) {

@@ -25,6 +25,7 @@ struct Certified {
   const char* name;
   std::string unknowns, from_afar, formula;
   std::vector<double> x, y, value, error;
+  double residual;  // standard deviation
 };
 
 // NIST Statistical Reference Datasets, nonlinear regression, both the data and the certified numbers
@@ -40,7 +41,8 @@ const std::vector<Certified>& certified() {
        {10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47,
         81.78},
        {2.3894212918e2, 5.5015643181e-4},
-       {2.7070075241, 7.2668688436e-6}},
+       {2.7070075241, 7.2668688436e-6},
+       1.0187876330e-1},
       {"DanWood",
        "b1: 0.7\n  b2: 4",
        "b1: 1\n  b2: 5",
@@ -48,7 +50,8 @@ const std::vector<Certified>& certified() {
        {1.309, 1.471, 1.490, 1.565, 1.611, 1.680},
        {2.138, 3.421, 3.597, 4.340, 4.882, 5.660},
        {7.6886226176e-1, 3.8604055871},
-       {1.8281973860e-2, 5.1726610913e-2}},
+       {1.8281973860e-2, 5.1726610913e-2},
+       3.2853114039e-2},
       {"MGH10",
        "b1: 0.02\n  b2: 4000\n  b3: 250",
        "b1: 2\n  b2: 400000\n  b3: 25000",
@@ -57,7 +60,8 @@ const std::vector<Certified>& certified() {
        {34780, 28610, 23650, 19630, 16370, 13720, 11540, 9744, 8261, 7030, 6005, 5147, 4427, 3820,
         3307, 2872},
        {5.6096364710e-3, 6.1813463463e3, 3.4522363462e2},
-       {1.5687892471e-4, 2.3309021107e1, 7.8486103508e-1}}};
+       {1.5687892471e-4, 2.3309021107e1, 7.8486103508e-1},
+       2.6009740065}};
   return all;
 }
 
@@ -98,6 +102,8 @@ TEST_P(RegressionErrors, AreThoseThatNistCertifies) {
       EXPECT_NEAR(found.parameters[i].se, c.error[i], 1e-6 * c.error[i]);
     }
     EXPECT_EQ(found.covariance_freedom, static_cast<double>(c.x.size() - c.value.size()));
+    ASSERT_EQ(found.derived.size(), 1u);
+    EXPECT_NEAR(found.derived[0].value, c.residual, 1e-8 * c.residual);
   }
 }
 
