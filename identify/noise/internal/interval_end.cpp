@@ -253,26 +253,12 @@ class EndSearch {
     return here_.x[i_] == bound() && at_.L - here_.L < 0.5 * target_ * target_;
   }
 
-  // How the others go along with the coordinate from the maximum.
-  VectorXd tangent() const {
-    VectorXd out = VectorXd::Unit(here_.x.size(), i_);
-    const std::vector<Index> free = free_others();
-    if (free.empty()) return out;
-    const MatrixXd information = curvature();
-    const Eigen::LDLT<MatrixXd> others(MatrixXd(information(free, free)));
-    if (others.info() != Eigen::Success || !others.isPositive()) return out;
-    const VectorXd along = -others.solve(VectorXd(information(free, i_)));
-    if (along.allFinite()) out(free) = along;
-    return out;
-  }
-
   // From the maximum by `first` of the coordinate, in the form of every number; where the other end
   // is known, the root of the drop and the others are parabolas through both.
   VectorXd first_move(double first, const VectorXd* opposite) const {
-    constexpr double kWell =
-        1.5;  // times the value: a variance that zero may well be is asked there
+    constexpr double kWell = 1.5;  // times the value: what may well be zero is asked there
     const double value = at_.x[i_];
-    const VectorXd along = tangent();
+    const VectorXd along = along_with(i_, free_others(), curvature());
     const bool to_zero = form_ == EndForm::cube_root && -first > kWell * value;
     const double back = opposite != nullptr ? step_to(form_, i_, *opposite) : 0.0;
     const double step = back != 0.0 ? bent(first, std::abs(back)) : first;
@@ -323,6 +309,16 @@ class EndSearch {
 };
 
 }  // namespace
+
+VectorXd along_with(Index i, const std::vector<Index>& free, const MatrixXd& information) {
+  VectorXd out = VectorXd::Unit(information.rows(), i);
+  if (free.empty()) return out;
+  const Eigen::LDLT<MatrixXd> others(MatrixXd(information(free, free)));
+  if (others.info() != Eigen::Success || !others.isPositive()) return out;
+  const VectorXd along = -others.solve(VectorXd(information(free, i)));
+  if (along.allFinite()) out(free) = along;
+  return out;
+}
 
 std::optional<VectorXd> end_at_once(const Profiled& at, double first, double target, bool linear,
                                     const VectorXd* opposite) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -18,6 +19,11 @@ struct Profiled {
   Eigen::MatrixXd excess;       ///< JudgedMaximum::excess, or empty
   Eigen::Index i = 0;           ///< the coordinate that is held
 };
+
+/// How all numbers go along when coordinate i moves by one and those of `free` stay where a parabola of
+/// that information is largest: one for i itself, zero for the others.
+Eigen::VectorXd along_with(Eigen::Index i, const std::vector<Eigen::Index>& free,
+                           const Eigen::MatrixXd& information);
 
 /// What the root of twice the drop may miss at the end of an interval.
 constexpr double kNearEnd = 3e-4;

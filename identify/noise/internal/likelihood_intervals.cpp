@@ -6,7 +6,6 @@
 #include <limits>
 #include <optional>
 
-#include <Eigen/Cholesky>
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
@@ -31,13 +30,7 @@ VectorXd tangent(const Profiled& at, const VectorXd& x, const MatrixXd& informat
     const bool inside = x[k] > at.problem.lower[k] && x[k] < at.problem.upper[k];
     if (k != at.i && inside && information(k, k) > 0.0) free.push_back(k);
   }
-  VectorXd out = VectorXd::Unit(x.size(), at.i);
-  if (free.empty()) return out;
-  const Eigen::LDLT<MatrixXd> others(MatrixXd(information(free, free)));
-  if (others.info() != Eigen::Success || !others.isPositive()) return out;
-  const VectorXd along = -others.solve(VectorXd(information(free, Index{at.i})));
-  if (along.allFinite()) out(free) = along;
-  return out;
+  return along_with(at.i, free, information);
 }
 
 // The profile likelihood of one coordinate, along a path: each point begins where the information
