@@ -16,13 +16,14 @@ namespace identikal {
 /// states that noise moves?
 bool may_lack_a_curve(const Model& model, const NoiseEstimate& estimate);
 
-/// Process noise takes over what a motion lacks, and innovations stay white while the estimates beside it
-/// are off. Where something else than noise is estimated: score tests of quadratic damping, dry
+/// Process noise takes over what a motion lacks, and innovations stay white while other estimates are
+/// off. Where something else than noise is estimated: score tests of quadratic damping, dry
 /// friction and cubic terms in every state that has process noise, and of curves of the inputs
-/// (curved_motions() of identify/noise/internal/extension_fit.h), on at most 5000 rows, at p below 0.001 for all of them together. The likeliest is fitted, and where an
-/// estimate would be another with it the finding `nonlinear` is serious, else a warning; concludes
-/// again.
-/// Source of the idea: Rao (1948), "Large sample tests of statistical hypotheses", Proc. Camb. Phil. Soc. 44.
+/// (identify/noise/internal/possible_extensions.h), on at most 5000 rows, at p below 0.001 for all
+/// of them together. The likeliest is fitted, and where an estimate would be another with it the
+/// finding `nonlinear` is serious, else a warning; concludes again.
+/// Source of the idea: Rao (1948), "Large sample tests of statistical hypotheses concerning several
+/// parameters", Proc. Camb. Phil. Soc. 44.
 ///
 /// Example:
 ///
