@@ -108,7 +108,9 @@ class EndSearch {
       if (seen->gain <= kEnough && is_stopped(left)) return here_.x;
       const std::optional<double> step = next_step(*seen);
       if (!step) return std::nullopt;
-      if (seen->gain <= kEnough && std::abs(left) < kLastStep) return end_after(*step);
+      if (seen->gain <= kEnough && std::abs(left) < (linear_ ? kLastStep : kLastStepOfDrop)) {
+        return end_after(*step);
+      }
       // Others that go on alone with as much to gain as before lie along a valley.
       const bool crawls = step_ == 0.0 && *step == 0.0 && seen->gain > 0.5 * before;
       share = crawls ? std::min(2.0 * std::max(share, 1.0), kLongest) : 1.0;
@@ -119,8 +121,9 @@ class EndSearch {
   }
 
  private:
-  static constexpr double kEnough = 2e-3;    // of what the others have to gain: it is added
-  static constexpr double kLastStep = 0.03;  // of the root: the step that is left misses its square
+  static constexpr double kEnough = 1e-3;    // of what the others have to gain: it is added
+  static constexpr double kLastStep = 0.02;  // of the root: the step that is left misses its square
+  static constexpr double kLastStepOfDrop = 0.005;  // from zero on a profile bends more
   static constexpr double kFar = 0.3;  // what they have to gain where the quadratic means little
   static constexpr double kSettled = 0.05;  // and where it need not shrink
   static constexpr double kSure = 0.02;     // what they may have to gain where a side is known
