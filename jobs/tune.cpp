@@ -397,8 +397,9 @@ Verb tune_verb() {
              "model as student.yaml.");
   add_flag(verb, "--extend", options->extend,
            "Try biases, scales, delays and lasting errors of the sensors, further process noise, "
-           "white or coloured, and noise that changes where the innovations' size does, on rows "
-           "held out, and adopt what predicts better; -o writes that model as extended.yaml.");
+           "white or coloured, damping, friction and curves of the motion, and noise that changes "
+           "where the innovations' size does, on rows held out, and adopt what predicts better; -o "
+           "writes that model as extended.yaml.");
   add_number(verb, "--lags", options->lags, 0, 1000,
              "als: Use this many autocovariances; 0 stands for as many as are informative.");
   add_number(verb, "--draws", options->draws, 10, 1000000,

@@ -7,8 +7,8 @@
 
 namespace identikal {
 
-/// For every free entry (lib/model/parameter.h), in their order: does it move nothing but Q, R and S
-/// (at the values of the model)?
+/// For every free entry (lib/model/parameter.h), in their order: does it move nothing but Q, R and
+/// S (at the values of the model)?
 ///
 /// Example:
 ///

@@ -12,12 +12,12 @@
 
 namespace identikal {
 
-/// Is there something that judge_by_curves() would ask: an estimate that is ok and not of noise alone, of
-/// states that noise moves?
+/// Is there something that judge_by_curves() would ask: an estimate that is ok and not of noise
+/// alone, of states that noise moves?
 bool may_lack_a_curve(const Model& model, const NoiseEstimate& estimate);
 
-/// Process noise takes over what a motion lacks, and innovations stay white while other estimates are
-/// off. Where something else than noise is estimated: score tests of quadratic damping, dry
+/// Process noise takes over what a motion lacks, and innovations stay white while other estimates
+/// are off. Where something else than noise is estimated: score tests of quadratic damping, dry
 /// friction and cubic terms in every state that has process noise, and of curves of the inputs
 /// (identify/noise/internal/possible_extensions.h), on at most 5000 rows, at p below 0.001 for all
 /// of them together. The likeliest is fitted, and where an estimate would be another with it the

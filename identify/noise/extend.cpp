@@ -11,6 +11,7 @@
 #include "identify/filter/model_filter.h"
 #include "identify/model/check.h"
 #include "identify/model/model_file.h"
+#include "identify/noise/curved_motion.h"
 #include "identify/noise/expected_errors.h"
 #include "identify/noise/internal/extension_fit.h"
 #include "identify/noise/internal/gain_by_row.h"
@@ -270,7 +271,7 @@ std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
   for (const ExtensionTrial& trial : tried) {
     out.push_back(fmt::format("  {:<{}} {}{}", trial.what, width,
                               std::isnan(trial.gain)
-                                  ? "no filter, or no estimate"
+                                  ? "no filter, no estimate, or nothing promised"
                                   : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
                               trial.adopted     ? "  adopted"
                               : trial.ambiguous ? "  undecided"
@@ -325,6 +326,7 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
   ExpectedErrorsOptions further;
   further.threads = options.search.threads;
   judge_by_expected_errors(best.root, chosen, recordings, out.estimate, further);
+  judge_by_curves(best.root, chosen, recordings, out.estimate, {});
   judge_by_undecided(undecided, chosen, recordings, out.estimate);
   const std::vector<std::string> lines = table_of(out.tried);
   out.estimate.notes.insert(out.estimate.notes.end(), lines.begin(), lines.end());

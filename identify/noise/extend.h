@@ -23,8 +23,9 @@ struct ExtendOptions {
 
 /// What a further part of the model gained where nothing was fitted.
 struct ExtensionTrial {
-  std::string what;        ///< in_words() of it
-  double gain = kNone;     ///< log-likelihood per held-out row; NaN: no filter, or not determined
+  std::string what;  ///< in_words() of it
+  double gain =
+      kNone;  ///< log-likelihood per held-out row; NaN: no filter, not determined, or nothing promised
   double gain_se = kNone;  ///< from its scatter between blocks of rows
   bool adopted = false;
   /// Pays, and is as likely of another sensor, "undecided". Of two outputs half of it in each is
@@ -41,16 +42,17 @@ struct ExtendResult {
 
 /// Step by step: every extension that there is (biases of one output and of all, errors that last,
 /// those of sensors of one kind alike, scales and delays, the same of at most two inputs, process
-/// noise of states without any, coloured process noise, noise of another size from a time on; of
-/// more than four outputs all at once alone) is fitted to the first part of each recording by
+/// noise of states without any, coloured process noise, noise of another size from a time on,
+/// damping, friction and curves of the motion whose score promises something; of more than four
+/// outputs all at once alone) is fitted to the first part of each recording by
 /// maximum likelihood, and predicts the last part, its filter going on from the first. Those pay
 /// whose gain is beyond 0.01 nats per row and 3 of its standard errors, or 2 where the first part
 /// asks for them by 10 nats more than BIC's penalty; of those that no other beats by 3, the one is
 /// adopted that the first part asks for by BIC. A bias, scale or delay that is as likely of another
 /// sensor is not adopted; of two outputs a bias or scale that is half in the one and half, the
 /// other way, in the other may be, which moves the states by neither. What is chosen is tuned on
-/// all rows, and judged by judge_by_expected_errors() and judge_by_undecided(). Densities of rows
-/// are those of a normal distribution of which one sample in a hundred is ten times as wide.
+/// all rows, and judged by judge_by_expected_errors(), judge_by_curves() and judge_by_undecided().
+/// Densities of rows are those of a normal distribution of which one sample in a hundred is ten times as wide.
 ///
 /// Example:
 ///

@@ -183,8 +183,8 @@ void keep_constraints(SeveralStarts& found, RecordingsLikelihood& likelihood,
   }
 }
 
-// The size of the noise by n - p degrees of freedom, as least squares are reported: the likeliest one divides
-// by n.
+// The size of the noise by n - p degrees of freedom, as least squares are reported: the likeliest
+// one divides by n.
 void report_residual_deviations(NoiseEstimate& estimate, const Model& model,
                                 const std::vector<Channel>& outputs, const ParameterSet& end,
                                 double share) {

@@ -28,7 +28,8 @@ std::vector<Dataset> rows_to_fit(const std::vector<Dataset>& recordings);
 
 /// The model with each of the further parts, fitted from the values of `base`, some at a time; what
 /// comes out does not depend on how many. Nothing where a part does not go with the model, or the
-/// recordings do not determine it, nor of a curve whose score promises less than half of BIC's penalty.
+/// recordings do not determine it, nor of a curve whose score promises less than half of BIC's
+/// penalty.
 /// @param base      at its maximum
 /// @param threads   0: as many as there are cores
 /// @param progress  told of each as it begins; where it returns false no further one begins, and
@@ -53,8 +54,8 @@ std::optional<LikeliestExtension> likeliest_extension(
     const std::vector<Dataset>& recordings, int threads,
     const std::function<bool(const ModelExtension& extension)>& progress);
 
-/// Of curves the one that the log-likelihood gains most by, of those whose score promises, and whose fit
-/// gains, at least `least_gain`.
+/// Of curves the one that the log-likelihood gains most by, of those whose score promises, and whose
+/// fit gains, at least `least_gain`.
 std::optional<LikeliestExtension> likeliest_curve(
     const FittedModel& base, const std::vector<ModelExtension>& curves,
     const std::vector<Dataset>& recordings, double least_gain,

@@ -20,8 +20,8 @@ struct Profiled {
   Eigen::Index i = 0;           ///< the coordinate that is held
 };
 
-/// How all numbers go along when coordinate i moves by one and those of `free` stay where a parabola of
-/// that information is largest: one for i itself, zero for the others.
+/// How all numbers go along when coordinate i moves by one and those of `free` stay where a parabola
+/// of that information is largest: one for i itself, zero for the others.
 Eigen::VectorXd along_with(Eigen::Index i, const std::vector<Eigen::Index>& free,
                            const Eigen::MatrixXd& information);
 
@@ -46,7 +46,8 @@ constexpr double kNearEnd = 3e-4;
 ///
 /// @param first   from the coordinate's value to where the end is expected
 /// @param linear  the root of the drop is near to linear in the coordinate; else the drop
-/// @param opposite  the other end, of the same target, if known: with it the first step is of the second order
+/// @param opposite  the other end, of the same target, if known: with it the first step is of the
+///   second order
 std::optional<Eigen::VectorXd> end_at_once(const Profiled& at, double first, double target,
                                            bool linear, const Eigen::VectorXd* opposite = nullptr);
 

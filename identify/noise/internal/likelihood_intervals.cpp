@@ -153,8 +153,8 @@ std::optional<double> or_by_path(const std::optional<VectorXd>& end, const Profi
   return end_of_interval(path, at, first, target, linear);
 }
 
-// Both ends, each where it can be found. @param reach  as far as they would be, were the root of the drop
-// linear
+// Both ends, each where it can be found.
+// @param reach  as far as they would be, were the root of the drop linear
 std::array<std::optional<double>, 2> interval_of(const Profiled& at, double reach, double target) {
   const auto low = end_at_once(at, -reach, target, true);
   const auto high = end_at_once(at, reach, target, true, low ? &*low : nullptr);

@@ -15,8 +15,8 @@ struct MovedEstimate {
   double errors = 0.0;   ///< standard errors between the two
 };
 
-/// Estimates that are no sizes of the noise, and lie more than two standard errors and a twentieth of
-/// themselves apart.
+/// Estimates that are no sizes of the noise, and lie more than two standard errors and a twentieth
+/// of themselves apart.
 /// @param from, to  fitted to the same rows; `to` is the likelier
 /// @return the farthest first
 std::vector<MovedEstimate> moved_estimates(const Model& from, const Model& to,
