@@ -88,6 +88,7 @@ constexpr NamedVerb kVerbs[] = {
     {"model", model_verb},
     // Verbs of a verb: "fleet tune" is two words of a command line.
     {"fleet tune", fleet_tune_verb},
+    {"fleet joint", fleet_joint_verb},
     {"fleet fit", fleet_fit_verb},
     {"fleet check", fleet_check_verb},
     {"fleet validate", fleet_validate_verb},
@@ -101,8 +102,8 @@ constexpr NamedVerb kVerbs[] = {
 
 // Those that ask while they work whether to stop. A signal ends the others as it ends any program.
 constexpr std::string_view kSearches[] = {
-    "tune",      "fit",         "shape",          "track",       "fleet tune",
-    "fleet fit", "fleet check", "fleet validate", "fleet resume"};
+    "tune",      "fit",         "shape",       "track",          "fleet tune",
+    "fleet fit", "fleet joint", "fleet check", "fleet validate", "fleet resume"};
 
 std::string first_word(const std::string& name) { return name.substr(0, name.find(' ')); }
 

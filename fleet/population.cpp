@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "identify/estimate/distribution.h"
+
 namespace identikal {
 namespace {
 
@@ -20,7 +22,7 @@ constexpr std::size_t kShownUnits = 5;
 
 /// One estimate of a parameter, before the recordings of a unit are put together.
 struct Sample {
-  std::string unit;
+  std::string unit, group;
   double value, se;
   std::map<std::string, double> covariates;
 };
@@ -59,7 +61,7 @@ Collected collect(FleetStore& store) {
       Samples& samples = out.parameters[at->second];
       samples.positive = samples.positive && p.positive && p.value > 0.0;
       if (std::isfinite(p.value) && p.se > 0.0 && std::isfinite(p.se)) {
-        samples.all.push_back({unit_of(row), p.value, p.se, covariates});
+        samples.all.push_back({unit_of(row), row.job.group, p.value, p.se, covariates});
       } else {
         ++samples.without_error;
       }
@@ -78,9 +80,11 @@ void take_units(const Samples& samples, PopulationParameter& out) {
     const Sample& sample = samples.all[i];
     const auto [at, is_new] = known.try_emplace(sample.unit, static_cast<int>(out.units.size()));
     if (is_new) {
-      out.units.push_back({sample.unit, kNone, kNone, {}});
+      out.units.push_back({sample.unit, sample.group, kNone, kNone, {}});
       count.push_back(0.0);
     }
+    std::string& group = out.units[static_cast<std::size_t>(at->second)].group;
+    if (group != sample.group) group.clear();
     unit.push_back(at->second);
     count[static_cast<std::size_t>(at->second)] += 1.0;
     // By the delta method, of the logarithm se / value.
@@ -132,6 +136,41 @@ PopulationTrend trend_of(const std::string& covariate, const VectorXd& y, const 
   return {covariate, effects.beta[1] / scale, effects.se[1] / scale, effects.p_value[1]};
 }
 
+// Means of groups, each by its own column of X, and whether they are one.
+void compare_groups(const VectorXd& y, const VectorXd& v, PopulationParameter& out) {
+  std::map<std::string, Index> columns;
+  for (const PopulationUnit& unit : out.units) {
+    if (unit.group.empty()) return;
+    columns.try_emplace(unit.group, 0);
+  }
+  const auto groups = static_cast<Index>(columns.size());
+  if (groups < 2 || y.size() < groups + 2) return;
+  Index next = 0;
+  for (auto& [name, column] : columns) {
+    column = next++;
+    out.groups.push_back({name});
+  }
+  MatrixXd X = MatrixXd::Zero(y.size(), groups);
+  for (Index i = 0; i < y.size(); ++i) {
+    const Index column = columns.at(out.units[static_cast<std::size_t>(i)].group);
+    X(i, column) = 1.0;
+    ++out.groups[static_cast<std::size_t>(column)].units;
+  }
+  const RandomEffects effects = random_effects(y, v, X);
+  // The columns have no row in common, so that their means are independent.
+  const VectorXd weight = effects.se.cwiseAbs2().cwiseInverse();
+  const double mean = weight.dot(effects.beta) / weight.sum();
+  out.groups_f =
+      weight.dot((effects.beta.array() - mean).square().matrix()) / static_cast<double>(groups - 1);
+  out.groups_p = f_upper_tail(out.groups_f, static_cast<double>(groups - 1), effects.freedom);
+  for (Index g = 0; g < groups; ++g) {
+    PopulationGroup& group = out.groups[static_cast<std::size_t>(g)];
+    group.mean = effects.beta[g];
+    group.se = effects.se[g];
+    group.interval = effects.interval[static_cast<std::size_t>(g)];
+  }
+}
+
 PopulationParameter analysed(const Samples& samples) {
   PopulationParameter out;
   out.name = samples.name;
@@ -146,6 +185,7 @@ PopulationParameter analysed(const Samples& samples) {
     v[i] = unit.se * unit.se;
   }
   out.effects = random_effects(y, v, MatrixXd::Ones(n, 1));
+  compare_groups(y, v, out);
   if (n < 4) return out;
   for (const std::string& covariate : usable_covariates(out.units)) {
     out.trends.push_back(trend_of(covariate, y, v, out.units));
@@ -156,6 +196,19 @@ PopulationParameter analysed(const Samples& samples) {
 // A number of the analysis in the parameter's own unit.
 double shown(const PopulationParameter& of, double value) {
   return of.logarithm ? std::exp(value) : value;
+}
+
+std::string groups_text(const PopulationParameter& of) {
+  if (of.groups.empty()) return "";
+  std::string out;
+  for (const PopulationGroup& group : of.groups) {
+    out += fmt::format("{}{} {:.6g} ({:.6g} to {:.6g}, {} unit{})", out.empty() ? "" : ", ",
+                       group.name, shown(of, group.mean), shown(of, group.interval[0]),
+                       shown(of, group.interval[1]), group.units, group.units == 1 ? "" : "s");
+  }
+  return fmt::format("    groups {} (F {:.3g}, p {:.2g}): {}\n",
+                     of.groups_p < 0.01 ? "differ" : "may all be the same", of.groups_f,
+                     of.groups_p, out);
 }
 
 // "sd 8.2 % (6.1 to 11.4 %)"
@@ -208,6 +261,7 @@ std::string parameter_text(const PopulationParameter& of) {
                : fmt::format("    recordings of a unit differ by {:.4g} beyond their errors\n",
                              of.within_sd);
   }
+  out += groups_text(of);
   for (const PopulationTrend& trend : of.trends) {
     out += fmt::format("    with {}: {:.4g} +- {:.2g} by one unit{} (p {:.2g})\n", trend.covariate,
                        of.logarithm ? 100.0 * trend.slope : trend.slope,
@@ -235,6 +289,18 @@ nlohmann::ordered_json parameter_json(const PopulationParameter& of) {
   for (const PopulationTrend& trend : of.trends) {
     trends.push_back(
         {{"covariate", trend.covariate}, {"slope", trend.slope}, {"se", trend.se}, {"p", trend.p}});
+  }
+  if (!of.groups.empty()) {
+    out["groups_f"] = of.groups_f;
+    out["groups_p"] = of.groups_p;
+    auto& groups = out["groups"] = nlohmann::ordered_json::array();
+    for (const PopulationGroup& group : of.groups) {
+      groups.push_back({{"group", group.name},
+                        {"units", group.units},
+                        {"mean", group.mean},
+                        {"se", group.se},
+                        {"interval", group.interval}});
+    }
   }
   auto& units = out["units"] = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < of.units.size(); ++i) {

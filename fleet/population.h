@@ -1,6 +1,7 @@
 // What do the units of a fleet have in common, how much do they differ, and which of them do not belong?
 #pragma once
 
+#include <array>
 #include <map>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@ namespace identikal {
 /// One number of every unit that counts: a row of the store, or all rows of a unit together.
 struct PopulationUnit {
   std::string name;
+  std::string group;                 ///< empty: none, or not the same of all its recordings
   double value = kNone, se = kNone;  ///< on the scale of the analysis
   std::map<std::string, double> covariates;
 };
@@ -24,6 +26,14 @@ struct PopulationTrend {
   double slope = kNone, se = kNone, p = kNone;  ///< by one unit of the covariate
 };
 
+/// The units of a group; their spread is taken as that of all groups.
+struct PopulationGroup {
+  std::string name;
+  std::size_t units = 0;
+  double mean = kNone, se = kNone;
+  std::array<double, 2> interval{kNone, kNone};
+};
+
 struct PopulationParameter {
   std::string name, unit;
   bool logarithm = false;  ///< of a parameter that cannot be negative the logarithm is analysed
@@ -31,6 +41,8 @@ struct PopulationParameter {
   RandomEffects effects;
   double within_sd = 0.0;  ///< of the recordings of a unit, beyond their errors; 0: one of each
   std::vector<PopulationTrend> trends;
+  std::vector<PopulationGroup> groups;  ///< by name; empty: there are not two with a group each
+  double groups_f = kNone, groups_p = kNone;  ///< F, and its p-value where all groups have one mean
 };
 
 struct Population {

@@ -7,6 +7,7 @@ namespace identikal {
 
 Verb fleet_tune_verb();
 Verb fleet_fit_verb();
+Verb fleet_joint_verb();
 Verb fleet_check_verb();
 Verb fleet_validate_verb();
 Verb fleet_resume_verb();

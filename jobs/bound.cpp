@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "jobs/digest_inputs.h"
 #include "jobs/quantity.h"
 #include "jobs/run.h"
 #include "jobs/verbs.h"
@@ -54,10 +55,25 @@ void check_options(const BoundRequest& request, bool nonlinear) {
   }
 }
 
+// Of recordings like those of a digest.
+Outcome bound_digest(const BoundRequest& request, const Run& run, Model model) {
+  refuse_beside_digests({{request.rows > 0, "-n"},
+                         {request.runs > 0, "--runs"},
+                         {!request.range.empty(), "--range"},
+                         {!request.signals.empty(), "--input"}});
+  const LoadedDigests loaded = load_digests({request.inputs}, model, run.call.inputs);
+  BoundOptions options;
+  if (!request.accuracy.empty()) options.accuracy = wanted_accuracy(request.accuracy);
+  return finish(
+      run, loaded.recordings,
+      kept(std::make_shared<CramerRaoBound>(bound_of_digests(model, options, loaded.digests))));
+}
+
 Outcome bound(const BoundRequest& request, Call& call) {
   const Run run{"bound", call, request.model.file, {}, request.result};
   Model model = load_model(request.model, run.verb, call.inputs);
   require_filter(model, run.verb);
+  if (is_digest_name(request.inputs)) return bound_digest(request, run, std::move(model));
   const bool nonlinear = is_formula_model(model);
   Recordings recordings;
   std::optional<Dataset> planned;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "jobs/compare.h"
+#include "jobs/digest_inputs.h"
 #include "jobs/filter_estimation.h"
 #include "jobs/verbs.h"
 
@@ -36,6 +37,15 @@ Outcome check(const CheckOptions& options, Call& call) {
   const Run run{"check", call, options.model.file, {}, options.result};
   Model model = load_model(options.model, run.verb, call.inputs);
   require_filter(model, run.verb);
+  if (are_digests(options.recordings.files)) {
+    refuse_beside_digests({{!options.recordings.range.empty(), "--range"},
+                           {!options.result.page.empty(), "--report"}});
+    const LoadedDigests loaded = load_digests(options.recordings.files, model, call.inputs);
+    Run of_digests = run;
+    of_digests.options.has_page = false;
+    return finish(of_digests, loaded.recordings,
+                  kept(std::make_shared<OptimalityReport>(check(model, loaded.digests))));
+  }
   Recordings recordings = load_recordings(options.recordings, model, run.verb, call.inputs);
   take_period(model, recordings.data.front());
   model = joint_model(std::move(model), recordings);

@@ -100,6 +100,31 @@ DigestFile read_digests(const std::vector<std::string>& files) {
   return merged(std::move(read), files);
 }
 
+LoadedDigests load_digests(const std::vector<std::string>& files, Model& model, Inputs& inputs) {
+  const DigestFile file = read_digests(files);
+  if (model.time.step == 0.0) noise_model(model).dt = file.step;
+  check_same_channels(file, digest_file_of(model, noise_model(model).dt), model.source);
+  LoadedDigests out;
+  Eigen::Index rows = 0;
+  for (const NamedDigest& each : file.digests) {
+    rows += each.digest.samples;
+    out.digests.push_back(each.digest);
+  }
+  for (const std::string& path : files) {
+    out.recordings.records.push_back({path, inputs.sha256(path), rows, rows});
+    out.recordings.of_records.emplace_back(0, 1);
+  }
+  return out;
+}
+
+void refuse_beside_digests(const std::vector<std::pair<bool, std::string>>& given) {
+  for (const auto& [is_given, name] : given) {
+    if (!is_given) continue;
+    throw InputError({}, fmt::format("{} does not apply to digests", name),
+                     "what asks for no rows: of the recordings none are left");
+  }
+}
+
 Verb digest_verb() {
   const auto options = std::make_shared<DigestOptions>();
   Verb verb{"digest",

@@ -58,7 +58,8 @@ NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   NoiseMlOptions options;
   options.starts = static_cast<int>(search.starts);
   options.iterations = static_cast<int>(search.iterations);
-  options.threads = static_cast<int>(search.threads);
+  options.team = run.call.team.get();
+  options.threads = options.team != nullptr ? 1 : static_cast<int>(search.threads);
   options.seed = search.seed_number();
   options.pictures = run.wants_pictures();
   const std::string of = options.starts > 0 ? "of" : "of up to";
@@ -92,6 +93,7 @@ Outcome estimate_filter(const Run& run, Model model, const RecordingOptions& opt
   const auto estimate = std::make_shared<NoiseEstimate>(
       reject_outliers ? tune_robust(model, recordings.data, estimated)
                       : estimated(recordings.data));
+  if (run.call.team != nullptr && run.call.team->works_for_another()) return {};
   const bool simulation = estimate->objective.method == kSimulationMethod;
   if (simulation) {
     const ParameterSet end = parameters_of(*estimate, model.parameters);

@@ -94,6 +94,7 @@ Outcome fit_a_filter(const FitOptions& given, const Run& run, Model model) {
     if (given.errors == "likelihood") options.errors = NoiseSize::likelihood;
     if (steps > 1) return fit_steps_ahead(of, recordings, steps, options);
     NoiseEstimate out = tune_ml(of, recordings, options);
+    if (options.team != nullptr && options.team->works_for_another()) return out;
     const bool as_it_is = given.model.filter.empty() && !given.reject_outliers && !given.robust;
     if (!simulation && as_it_is && takes_further_parts(of) && may_lack_a_curve(of, out)) {
       judge_by_curves(written_out(run), of, recordings, out, told_of_parts(run));

@@ -71,6 +71,16 @@ void Inputs::keep_table(const std::string& name, Table table) {
   kept_[name].table = std::make_shared<const Table>(std::move(table));
 }
 
+void Inputs::keep_labels(const std::string& name, std::map<std::string, std::string> labels) {
+  labels_[name] = std::move(labels);
+}
+
+const std::map<std::string, std::string>& Inputs::labels(const std::string& name) const {
+  static const std::map<std::string, std::string> kNone;
+  const auto found = labels_.find(name);
+  return found == labels_.end() ? kNone : found->second;
+}
+
 void Inputs::keep_result(const std::string& name, std::string json, std::string page_data) {
   kept_[name] = {std::move(json), std::move(page_data), "", nullptr, true};
 }

@@ -21,6 +21,9 @@ class Inputs {
   void keep_text(const std::string& name, std::string text);
   /// From here on the name stands for this recording.
   void keep_table(const std::string& name, Table table);
+  /// What is known of this recording: a label of parameters' `per`, and its value there.
+  void keep_labels(const std::string& name, std::map<std::string, std::string> labels);
+  const std::map<std::string, std::string>& labels(const std::string& name) const;
   /// From here on the name stands for this result. @param page_data  kReportDataFile's text
   void keep_result(const std::string& name, std::string json, std::string page_data);
 
@@ -59,6 +62,7 @@ class Inputs {
   std::map<std::string, Input> read_, kept_;
   std::map<std::string, std::shared_ptr<const StoredResult>> results_;
   FileTexts included_;
+  std::map<std::string, std::map<std::string, std::string>> labels_;
 };
 
 }  // namespace identikal

@@ -392,7 +392,7 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
   for (const std::string& path : options.files) {
     if (is_digest_name(path)) {
       throw InputError({path, 0, 0}, fmt::format("a digest for '{}'", verb), "a recording",
-                       "'tune' takes digests");
+                       "'tune', 'check' and 'bound' take digests");
     }
     if (inputs.is_model(path)) {
       throw InputError(
@@ -404,6 +404,7 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
     std::vector<Dataset> runs = load_runs(files, model, range);
     append(out.findings, check_starts(model, runs));
     append(out.findings, check_step(model, files.front()));
+    if (!inputs.labels(path).empty()) out.labels[runs.front().name] = inputs.labels(path);
     out.add(std::move(runs), files, range, inputs);
     check_period(model, out.data.front(), out.data.back());
   }
@@ -411,8 +412,29 @@ Recordings load_recordings(const RecordingOptions& options, const Model& model,
   return out;
 }
 
+namespace {
+
+// What the caller knows of a recording goes without saying in the model file.
+void take_labels(const Recordings& recordings, RecordingTable& table) {
+  for (const auto& each : recordings.labels) {
+    const std::string& recording = each.first;
+    const std::string stem = std::filesystem::path(recording).stem().string();
+    auto row = std::find_if(table.rows.begin(), table.rows.end(), [&](const auto& known) {
+      return known.recording == recording || known.recording == stem;
+    });
+    if (row == table.rows.end()) {
+      table.rows.push_back({recording, {}, {}, {}, {}});
+      row = std::prev(table.rows.end());
+    }
+    row->labels.insert(each.second.begin(), each.second.end());
+  }
+}
+
+}  // namespace
+
 Model joint_model(Model model, Recordings& recordings) {
   if (model.recordings.empty()) return model;
+  take_labels(recordings, model.recordings);
   std::map<std::string, std::string> paths;
   for (const InputRecord& record : recordings.records) {
     const std::string name = std::filesystem::path(record.path).filename().string();

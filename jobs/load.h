@@ -1,6 +1,7 @@
 // Which model and which recordings does a command line name?
 #pragma once
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,6 +46,9 @@ struct Recordings {
   std::vector<InputRecord> records;                             ///< one per file
   std::vector<std::pair<std::size_t, std::size_t>> of_records;  ///< recordings [from, to) of a file
   std::vector<std::string> held_out_files;                      ///< read for --hold-out
+
+  /// By the name of the recording: what the caller knows of it (Inputs::labels()).
+  std::map<std::string, std::map<std::string, std::string>> labels;
 
   Findings findings;  ///< of how they go with the model
 

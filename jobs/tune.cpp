@@ -270,43 +270,21 @@ void refuse_beside_own_parameters(const TuneOptions& options, const Model& model
   }
 }
 
-void refuse_beside_digests(const TuneOptions& options) {
-  for (const auto& [given, name] : {std::pair{options.method != "ml", "--method"},
-                                    std::pair{options.purpose == kEstimates, "--for estimates"},
-                                    std::pair{options.reject_outliers, "--reject-outliers"},
-                                    std::pair{options.evaluation != kAutomatic, "--evaluation"},
-                                    std::pair{!options.search.hold_out.empty(), "--hold-out"},
-                                    std::pair{!options.recordings.range.empty(), "--range"},
-                                    std::pair{options.noise != kAsInFile, "--noise"},
-                                    std::pair{!options.result.page.empty(), "--report"},
-                                    std::pair{options.extend, "--extend"}}) {
-    if (!given) continue;
-    throw InputError({}, fmt::format("{} does not apply to digests", name),
-                     "maximum likelihood alone: of the recordings no rows are left");
-  }
-}
-
 // What the recordings' digests have kept of them is all that maximum likelihood asks.
 Outcome tune_digests(const TuneOptions& options, const Run& run, Model model) {
-  refuse_beside_digests(options);
-  const std::vector<std::string>& paths = options.recordings.files;
-  const DigestFile file = read_digests(paths);
-  if (model.time.step == 0.0) noise_model(model).dt = file.step;
-  check_same_channels(file, digest_file_of(model, noise_model(model).dt), model.source);
-  std::vector<RecordingDigest> digests;
-  Eigen::Index rows = 0;
-  for (const NamedDigest& each : file.digests) {
-    rows += each.digest.samples;
-    digests.push_back(each.digest);
-  }
-  const auto estimate =
-      std::make_shared<NoiseEstimate>(tune_ml_digests(model, digests, ml_options(options, run)));
-  Recordings recordings;
-  for (const std::string& path : paths) {
-    recordings.records.push_back({path, run.call.inputs.sha256(path), rows, rows});
-    recordings.of_records.emplace_back(0, 1);
-  }
-  return finish(run, recordings, kept(estimate));
+  refuse_beside_digests({{options.method != "ml", "--method"},
+                         {options.purpose == kEstimates, "--for estimates"},
+                         {options.reject_outliers, "--reject-outliers"},
+                         {options.evaluation != kAutomatic, "--evaluation"},
+                         {!options.search.hold_out.empty(), "--hold-out"},
+                         {!options.recordings.range.empty(), "--range"},
+                         {options.noise != kAsInFile, "--noise"},
+                         {!options.result.page.empty(), "--report"},
+                         {options.extend, "--extend"}});
+  const LoadedDigests loaded = load_digests(options.recordings.files, model, run.call.inputs);
+  const auto estimate = std::make_shared<NoiseEstimate>(
+      tune_ml_digests(model, loaded.digests, ml_options(options, run)));
+  return finish(run, loaded.recordings, kept(estimate));
 }
 
 // Of the model file as it is, and where the likelihood chose.

@@ -16,6 +16,7 @@
 #include "identify/estimate/estimate.h"
 #include "identify/estimate/none.h"
 #include "identify/estimate/recording_fit.h"
+#include "identify/filter/likelihood_team.h"
 
 namespace identikal {
 
@@ -30,6 +31,8 @@ struct TrackSettings;  // jobs/track_settings.h
 /// What whoever calls a verb hands over beside its options.
 struct Call {
   Inputs inputs;
+  /// Processes that share the recordings, where the verb estimates by likelihood; null: this one alone.
+  std::shared_ptr<const LikelihoodTeam> team;
   std::string command;  ///< the command line as typed, for the page
   /// Called while it works. @return false to stop with the best so far
   std::function<bool(const std::string& what, double share, double value)> progress;

@@ -109,6 +109,14 @@ std::string frame_of(const DoneMessage& message) {
   return std::move(out).frame();
 }
 
+std::string frame_of(std::string_view bytes) {
+  if (bytes.size() > kLongest) throw std::runtime_error("a message that is too long");
+  const auto length = static_cast<std::uint32_t>(bytes.size());
+  std::string out(kLength, '\0');
+  std::memcpy(out.data(), &length, kLength);
+  return out.append(bytes);
+}
+
 std::optional<std::string> FrameReader::next() {
   if (bytes_.size() - begin_ < kLength) {
     bytes_.erase(0, begin_);

@@ -33,6 +33,9 @@ std::string frame_of(const Assignment& assignment);
 std::string frame_of(const RowMessage& message);
 std::string frame_of(const DoneMessage& message);
 
+/// Of any bytes.
+std::string frame_of(std::string_view bytes);
+
 /// Takes whole frames off bytes that come in pieces.
 class FrameReader {
  public:

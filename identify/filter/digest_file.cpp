@@ -158,4 +158,20 @@ DigestFile merged(std::vector<DigestFile> files, const std::vector<std::string>&
   return out;
 }
 
+void check_takes_digests(const Model& model, std::size_t digests) {
+  if (digests == 0) throw std::invalid_argument("there is no digest");
+  const auto refuse = [&](const std::string& what, const std::string& expected) {
+    throw InputError({model.source, 0, 0}, what + " with a digest", expected,
+                     "the recording itself serves any model");
+  };
+  if (!is_linear(model) || changes(model) || model.student) {
+    refuse("a model that is not linear with normal noise", "a model with A, C, Q, R");
+  }
+  const LinearModel& linear = as_linear(model);
+  const bool known = is_known(linear.A, model.parameters) && is_known(linear.C, model.parameters);
+  if (linear.initial == InitialState::diffuse && !known) {
+    refuse("a diffuse start and free A or C", "initial: stationary, or A and C that are known");
+  }
+}
+
 }  // namespace identikal

@@ -50,6 +50,11 @@ DigestFile read_digest_text(const std::string& text, const std::string& path);
 void check_same_channels(const DigestFile& file, const DigestFile& of_model,
                          const std::string& source);
 
+/// What a digest is good for: constant matrices, normal noise, and a start of which no samples are
+/// asked.
+/// @throws InputError for another model; std::invalid_argument without a digest
+void check_takes_digests(const Model& model, std::size_t digests);
+
 /// The digests of all files, in their order.
 /// @param paths  of each, for messages
 /// @throws InputError for other channels or another period than those of the first, and a recording

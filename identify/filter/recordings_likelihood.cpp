@@ -66,6 +66,31 @@ struct RecordingsLikelihood::Part {
   }
 };
 
+struct RecordingsLikelihood::Share {
+  std::vector<Dataset> recordings;
+  Eigen::Index entries;
+  std::optional<RecordingsLikelihood> likelihood;  // none: there are more processes than recordings
+
+  Share(const Model& model, const std::vector<Dataset>& all, EvaluationMethod method,
+        const LikelihoodTeam& team)
+      : entries(free_entries(model.parameters).size()) {
+    for (const std::size_t i : share_of(team, all)) recordings.push_back(all[i]);
+    if (!recordings.empty()) likelihood.emplace(model, recordings, method);
+  }
+
+  Likelihood at(const ParameterSet& values, bool with_gradient) {
+    Likelihood out;
+    const Eigen::Index k = with_gradient ? entries : 0;
+    out.gradient.setZero(k);
+    out.information.setZero(k, k);
+    if (!likelihood) return out;
+    const Likelihood* const own = likelihood->evaluate(values, with_gradient);
+    if (own != nullptr) return {own->status, own->value, own->gradient, own->information};
+    out.status = FilterStatus::indefinite;
+    return out;
+  }
+};
+
 RecordingsLikelihood::~RecordingsLikelihood() = default;
 
 RecordingsLikelihood::RecordingsLikelihood(const Model& model,
@@ -138,6 +163,45 @@ const Likelihood& RecordingsLikelihood::evaluate_parts(const ParameterSet& at, b
   return of_parts_;
 }
 
+void RecordingsLikelihood::share_with(const LikelihoodTeam& team) {
+  team_ = &team;
+  share_ = std::make_unique<Share>(model_, recordings_, method_, team);
+}
+
+const Likelihood& RecordingsLikelihood::evaluate_by_team(const ParameterSet& at,
+                                                         bool with_gradient) {
+  team_->tell(bytes_of(request_at(TeamRequest::Kind::evaluate, at, with_gradient)));
+  of_team_ = share_->at(at, with_gradient);
+  for (const std::string& answer : team_->answers()) add_answer(answer, of_team_);
+  return of_team_;
+}
+
+void work_for_team(const Model& model, const std::vector<Dataset>& recordings,
+                   EvaluationMethod method, const LikelihoodTeam& team) {
+  std::string failure;
+  std::unique_ptr<RecordingsLikelihood::Share> share;
+  while (const std::optional<std::string> bytes = team.hear()) {
+    try {
+      if (!share) {
+        share = std::make_unique<RecordingsLikelihood::Share>(model, recordings, method, team);
+      }
+      const TeamRequest request = request_in(*bytes);
+      const ParameterSet at = parameters_in(request, model.parameters);
+      Likelihood out;
+      if (request.kind == TeamRequest::Kind::evaluate) {
+        out = share->at(at, request.with_gradient);
+      } else if (share->likelihood && request.kind == TeamRequest::Kind::refine) {
+        out.value = share->likelihood->refine(at) ? 1.0 : 0.0;
+      } else if (share->likelihood) {
+        share->likelihood->condition_on_beginning();
+      }
+      team.answer(bytes_of(out));
+    } catch (const std::exception& error) {
+      team.answer(bytes_of_failure(error.what()));
+    }
+  }
+}
+
 std::unique_ptr<RecordingsLikelihood> RecordingsLikelihood::another() const {
   if (digests_ != nullptr) {
     auto out = std::make_unique<RecordingsLikelihood>(model_, *digests_);
@@ -174,6 +238,11 @@ bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivati
 }
 
 void RecordingsLikelihood::condition_on_beginning() {
+  if (team_ != nullptr) {
+    team_->tell(bytes_of(request_at(TeamRequest::Kind::condition_on_beginning, model_.parameters)));
+    if (share_->likelihood) share_->likelihood->condition_on_beginning();
+    for (const std::string& answer : team_->answers()) add_answer(answer, of_team_);
+  }
   for (const auto& part : parts_) part->likelihood.condition_on_beginning();
   if (!parts_.empty() || !is_stationary() || !first_outputs_.empty()) return;
   const LinearModel& linear = as_linear(model_);
@@ -343,7 +412,8 @@ const Likelihood& RecordingsLikelihood::as_recorded(const Likelihood& of_values)
 const Likelihood* RecordingsLikelihood::complete(const Likelihood& of_values,
                                                  const ParameterSet& at, bool with_gradient) {
   if (of_values.status != FilterStatus::ok) return nullptr;
-  const Likelihood& of_data = as_recorded(of_values);
+  // A team's shares are of what was recorded already.
+  const Likelihood& of_data = team_ != nullptr ? of_values : as_recorded(of_values);
   const Likelihood& weighed = prior_box_ ? with_priors(of_data, at, with_gradient) : of_data;
   if (weighed.status != FilterStatus::ok) return nullptr;
   const Likelihood& smoothed =
@@ -354,6 +424,7 @@ const Likelihood* RecordingsLikelihood::complete(const Likelihood& of_values,
 }
 
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
+  if (team_ != nullptr) return complete(evaluate_by_team(at, with_gradient), at, with_gradient);
   if (!parts_.empty()) return complete(evaluate_parts(at, with_gradient), at, with_gradient);
   if (!set_system(at, with_gradient && is_stationary())) return nullptr;
   const Likelihood& all = changing_ ? changing_->evaluate(at, with_gradient)
@@ -460,7 +531,16 @@ MatrixXd RecordingsLikelihood::products_of_parts(const ParameterSet& at) {
 }
 
 bool RecordingsLikelihood::refine(const ParameterSet& at) {
-  bool finer = nonlinear_ && nonlinear_->refine(at);
+  bool finer = false;
+  if (team_ != nullptr) {
+    team_->tell(bytes_of(request_at(TeamRequest::Kind::refine, at)));
+    finer = share_->likelihood && share_->likelihood->refine(at);
+    Likelihood of_others;
+    for (const std::string& answer : team_->answers()) add_answer(answer, of_others);
+    finer = finer || of_others.value > 0.0;
+  }
+  const bool all_finer = nonlinear_ && nonlinear_->refine(at);
+  finer = finer || all_finer;
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     const bool here = parts_[i]->likelihood.refine(parts_[i]->values(at));
     finer = finer || here;
@@ -491,6 +571,7 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
 }
 
 bool RecordingsLikelihood::is_cheap() const {
+  if (team_ != nullptr) return true;  // its processes are what threads would be
   constexpr double kFew = 4000.0;  // products of the recursion's matrices by a vector
   if (evaluation_taken().method == EvaluationMethod::autocovariances) return true;
   if (!is_linear(model_)) return false;

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "identify/filter/changing_recordings.h"
+#include "identify/filter/likelihood_team.h"
 #include "identify/filter/nonlinear_recordings.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
@@ -78,6 +79,10 @@ class RecordingsLikelihood {
   void weigh_roughness(const Eigen::VectorXd& w) { roughness_weights_ = w; }
   bool weighs_roughness() const { return roughness_weights_.size() > 0; }
 
+  /// From here on every process of the team evaluates its share of the recordings, and this one, rank
+  /// 0, adds up; what stands beside the data counts here alone. The team has to outlive this.
+  void share_with(const LikelihoodTeam& team);
+
   /// What priors, constraints and roughness have added to the log-likelihood there.
   double log_density_beside_data(const ParameterSet& at) const;
 
@@ -119,15 +124,19 @@ class RecordingsLikelihood {
 
   const EvaluationTaken& evaluation_taken() const { return engine_.evaluation_taken(); }
 
-  /// Is a search over before further threads would have begun? By sums over the recordings, and of
-  /// small models and few samples.
+  /// Is a search over before further threads would have begun? By sums over the recordings, of small
+  /// models and few samples, and by a team.
   bool is_cheap() const;
 
  private:
+  friend void work_for_team(const Model& model, const std::vector<Dataset>& recordings,
+                            EvaluationMethod method, const LikelihoodTeam& team);
   // One recording by itself, where parameters have values of their own in some
   // (identify/model/own_parameters.h).
   struct Part;
   void part_recordings();
+  struct Share;
+  const Likelihood& evaluate_by_team(const ParameterSet& at, bool with_gradient);
   const Likelihood& evaluate_parts(const ParameterSet& at, bool with_gradient);
   Eigen::MatrixXd products_of_parts(const ParameterSet& at);
   FilterStatus watch_part(const ParameterSet& at, bool with_derivatives, std::size_t recording,
@@ -170,9 +179,17 @@ class RecordingsLikelihood {
   Eigen::VectorXd roughness_weights_;         // empty: it does not count
   std::vector<std::unique_ptr<Part>> parts_;  // empty: all recordings go through one model
   Likelihood of_parts_;
+  const LikelihoodTeam* team_ = nullptr;
+  std::unique_ptr<Share> share_;  // of the team's work
+  Likelihood of_team_;
   StateSpace system_;
   const std::vector<StateSpace> none_;
   std::vector<StateSpace> derivatives_;
 };
+
+/// Of every other rank: evaluates its share of the recordings as rank 0 asks, until there is no more to
+/// do. What goes wrong rank 0 throws.
+void work_for_team(const Model& model, const std::vector<Dataset>& recordings,
+                   EvaluationMethod method, const LikelihoodTeam& team);
 
 }  // namespace identikal

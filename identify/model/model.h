@@ -143,6 +143,10 @@ struct RecordingTable {
   struct Own {
     int parameter = 0;
     std::string label;  ///< one value for all recordings of which this says the same; empty: each
+    /// The parameter that is the standard deviation between those values, of their logarithms where
+    /// the parameter cannot be negative; the parameter itself is their mean. -1: they have nothing
+    /// in common.
+    int spread = -1;
   };
   struct Row {
     std::string recording;  ///< the file's name, with or without its ending
@@ -152,6 +156,7 @@ struct RecordingTable {
     std::map<std::string, std::string> labels;  ///< what `Own::label` is here
   };
   std::vector<Own> own;
+  bool correlated = false;  ///< are values that have spreads, of one recording?
   std::vector<Row> rows;
   std::map<std::string, double> found;  ///< values from an earlier result, by name, SI
 

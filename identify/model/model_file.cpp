@@ -31,7 +31,7 @@ namespace {
 
 const std::vector<std::string> kCommonKeys = {
     "identikal", "name",     "model",     "time",    "parameters", "inputs",     "outputs",
-    "noise",     "use_when", "reference", "include", "recordings", "constraints"};
+    "noise",     "use_when", "reference", "include", "recordings", "spreads", "constraints"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"driven_axle", "flags",   "load_transfer", "max_gap",
                                                "roll",        "sensors", "tyre"};
@@ -112,12 +112,12 @@ void refuse_foreign_keys(const YamlNode& root, const Model& model) {
     refuse(kLinearKeys, "does not belong to model: single-track");
     refuse(kFormulaKeys, "does not belong to model: single-track");
     refuse({"reference"}, "does not belong to model: single-track, which has no filter");
-    refuse({"recordings"}, "does not belong to model: single-track");
+    refuse({"recordings", "spreads"}, "does not belong to model: single-track");
   } else {
     refuse(kLinearKeys, "does not belong to model: regression");
     refuse(kVehicleKeys, "does not belong to model: regression");
     refuse(kFormulaKeys, "does not belong to model: regression");
-    refuse({"parameters", "noise", "use_when", "reference", "recordings", "constraints"},
+    refuse({"parameters", "noise", "use_when", "reference", "recordings", "spreads", "constraints"},
            "does not belong to model: regression");
   }
 }

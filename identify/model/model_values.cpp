@@ -151,7 +151,7 @@ Parameter read_parameter(const std::string& name, const YamlNode& node, const Pa
   }
   if (!out.fixed) {
     std::vector<std::string> keys = {"value", "min", "max", "fixed", "unit", "role", "prior"};
-    if (rule == nullptr) keys.insert(keys.end(), {"per", "scale"});
+    if (rule == nullptr) keys.insert(keys.end(), {"per", "spread", "scale"});
     check_keys(node, what, keys);
     required(node, "value", what, "value: NUMBER, the start");
     if (const YamlNode* fixed = find(node, "fixed")) {

@@ -140,11 +140,19 @@ class Placing {
       own.value.setConstant(value->second);
       return;
     }
-    if (found.empty() && may_add_) return;
+    if ((found.empty() && may_add_) || is_of_population(of)) return;  // it starts at the mean
     throw InputError({recording.name, 0, 0},
                      fmt::format("no value of '{}' is known for this recording", of.name),
                      fmt::format("a number under 'recordings' of {}", model_.source),
                      fmt::format("it would be called '{}'", own.name));
+  }
+
+  bool is_of_population(const Parameter& of) const {
+    const std::vector<RecordingTable::Own>& own = model_.recordings.own;
+    return std::any_of(own.begin(), own.end(), [&](const RecordingTable::Own& each) {
+      return each.spread >= 0 &&
+             model_.parameters[static_cast<std::size_t>(each.parameter)].name == of.name;
+    });
   }
 
   // What no recording takes any more stands for nothing.
@@ -163,8 +171,8 @@ class Placing {
     for (const int parameter : named) {
       if (used.contains(parameter)) continue;
       Parameter& p = model_.parameters[static_cast<std::size_t>(parameter)];
-      p.scope = Scope::replaced;
       p.fixed = true;
+      if (!is_of_population(p)) p.scope = Scope::replaced;  // else it is the mean
     }
   }
 
@@ -196,6 +204,13 @@ int own_parameter_named(const Model& model, const std::string& name) {
     }
   }
   return -1;
+}
+
+bool varies_by_logarithm(const Parameter& parameter) { return parameter.min >= 0.0; }
+
+bool has_population(const Model& model) {
+  const std::vector<RecordingTable::Own>& own = model.recordings.own;
+  return std::any_of(own.begin(), own.end(), [](const auto& each) { return each.spread >= 0; });
 }
 
 bool has_own_values(const Model& model, int parameter) {

@@ -34,6 +34,12 @@ Model for_recordings(Model model, std::vector<Dataset>& recordings);
 /// @throws InputError for one that has an unknown of its own
 void place_recordings(Model& model, std::vector<Dataset>& recordings);
 
+/// Do values that differ between recordings do so by their logarithms? Of what cannot be negative.
+bool varies_by_logarithm(const Parameter& parameter);
+
+/// Is there a parameter whose values in recordings are draws of a population?
+bool has_population(const Model& model);
+
 /// Could NAME be a parameter that for_recordings() adds, and of which one is it a value? -1: no.
 int own_parameter_named(const Model& model, const std::string& name);
 

@@ -9,10 +9,12 @@
 
 #include "identify/estimate/constraint_findings.h"
 #include "identify/estimate/parameter_table.h"
+#include "identify/filter/digest_file.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/filter/report.h"
 #include "identify/model/check.h"
+#include "identify/model/own_parameters.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/model/row_order.h"
 #include "identify/model/simulation_model.h"
@@ -23,6 +25,7 @@
 #include "identify/noise/internal/likelihood_errors.h"
 #include "identify/noise/internal/likelihood_intervals.h"
 #include "identify/noise/internal/several_starts.h"
+#include "identify/noise/population_fit.h"
 #include "identify/noise/reference_tuning.h"
 #include "identify/noise/student.h"
 #include "lib/filter/likelihood.h"
@@ -306,28 +309,18 @@ void check_starts_asked(const NoiseMlOptions& options) {
   throw std::invalid_argument(fmt::format("{} starts; expected at least 1", options.starts));
 }
 
-// What a digest is good for: matrices that are constant, and a start of which no samples are asked.
-void check_for_digests(const Model& model, std::size_t digests) {
-  if (digests == 0) throw std::invalid_argument("there is no digest");
-  const auto refuse = [&](const std::string& what, const std::string& expected) {
-    throw InputError({model.source, 0, 0}, what + " with a digest", expected,
-                     "the recording itself serves any model");
-  };
-  if (!is_linear(model) || changes(model) || model.student) {
-    refuse("a model that is not linear with normal noise", "a model with A, C, Q, R");
-  }
-  const LinearModel& linear = as_linear(model);
-  const bool known = is_known(linear.A, model.parameters) && is_known(linear.C, model.parameters);
-  if (linear.initial == InitialState::diffuse && !known) {
-    refuse("a diffuse start and free A or C", "initial: stationary, or A and C that are known");
-  }
-}
-
 }  // namespace
 
 NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings,
                       const NoiseMlOptions& options) {
   if (given.student) return tune_student(given, recordings, options);
+  if (options.team != nullptr && options.team->works_for_another()) {
+    Model model = checked(given, recordings);
+    model.parameters = started_within_priors(model.parameters);
+    work_for_team(model, recordings, options.evaluation, *options.team);
+    return {};
+  }
+  if (has_population(given)) return fit_population(given, recordings, options);
   check_starts_asked(options);
   Model model = checked(given, recordings);
   model.parameters = started_within_priors(model.parameters);
@@ -341,6 +334,7 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   // Other starts may lead to where equations of motion stay finite.
   const bool may_lead_on = start == FilterStatus::not_finite && is_formula_model(model);
   if (start != FilterStatus::ok && !may_lead_on) refuse_filter(model, recordings, start);
+  if (options.team != nullptr) likelihood.share_with(*options.team);
   likelihood.condition_on_beginning();
   likelihood.weigh_by_priors();
   const auto [end, found] = take_maximum(estimate, likelihood, options);
@@ -362,7 +356,7 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
 NoiseEstimate tune_ml_digests(const Model& given, const std::vector<RecordingDigest>& digests,
                               const NoiseMlOptions& options) {
   check_starts_asked(options);
-  check_for_digests(given, digests.size());
+  check_takes_digests(given, digests.size());
   Model model = given;
   model.parameters = started_within_priors(model.parameters);
   NoiseEstimate estimate;

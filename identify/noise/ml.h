@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "identify/estimate/results.h"
+#include "identify/filter/likelihood_team.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/likelihood.h"
@@ -36,6 +37,8 @@ struct NoiseMlOptions {
   std::uint64_t seed = 1;  ///< of the scattered starts
   int iterations = 0;      ///< at most, of each search; 0: as SolverOptions have it
   EvaluationMethod evaluation = EvaluationMethod::automatic;
+  /// Processes that share the recordings; of rank 0 the others have to be there. Then threads is 1.
+  const LikelihoodTeam* team = nullptr;
   int threads = 1;        ///< searches and profiles at a time; 0: as many as there are cores
   bool profiles = true;   ///< profile intervals, where an evaluation is cheap
   bool pictures = false;  ///< searches and profiles as curves, RecordingFit::pictures
@@ -65,6 +68,8 @@ struct NoiseMlOptions {
 /// With FitObjective::simulation the model is one of simulation_model(): its likelihood takes errors
 /// as white, as the weights of several outputs; standard errors and the test for inputs in the errors
 /// allow for their colour.
+///
+/// Of another rank of a team it only works for rank 0, and what it returns is empty.
 ///
 /// @throws InputError when nothing is free, samples are fewer than unknowns, an output never
 /// changes or an input has gaps; std::invalid_argument without a recording

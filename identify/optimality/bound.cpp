@@ -12,6 +12,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/estimate/parameter_table.h"
+#include "identify/filter/digest_file.h"
 #include "identify/filter/recordings_likelihood.h"
 #include "identify/model/check.h"
 #include "identify/noise/estimate.h"
@@ -294,6 +295,83 @@ VectorXd free_units(const CramerRaoBound& estimate) {
   return Eigen::Map<const VectorXd>(units.data(), static_cast<Index>(units.size()));
 }
 
+// What the information says, parameter by parameter, and of the gain.
+void report_bound(CramerRaoBound& estimate, const Model& model,
+                  const RecordingInformation& information) {
+  const VectorXd unit = free_units(estimate);
+  const auto in_units = [&unit](const MatrixXd& J) {
+    return MatrixXd(unit.asDiagonal() * J * unit.asDiagonal());
+  };
+  const MatrixXd total = in_units(information.total);
+  const MatrixXd covariance = covariance_of(total);
+  judge_parameters(estimate, total, covariance);
+  estimate.excess_mean_square_error = excess_error(estimate, model, model.parameters);
+  std::optional<GrowingInformation> growing;
+  if (const auto& found = information.growing) {
+    growing = {in_units(found->total), in_units(found->per_sample), found->samples};
+  }
+  bound_parameters(estimate, information, unit, growing);
+  if (information.gain) bound_gain(estimate, information, unit, covariance);
+  append(estimate.findings, check_determined(estimate));
+}
+
+void refuse_nothing_free(const Model& model) {
+  if (free_entries(model.parameters).size() > 0) return;
+  throw InputError({model.source, 0, 0}, "nothing is free, so there is nothing to bound",
+                   "at least one parameter with {value: ...} or a structured Q or R");
+}
+
+CramerRaoBound begun_bound(const Model& model, const BoundOptions& options) {
+  CramerRaoBound out;
+  out.verb = "bound";
+  out.model_name = model.name;
+  out.objective.method = "bound";
+  list_parameters(out, model.parameters, model.parameters);
+  out.bound.samples = options.samples;
+  out.bound.accuracy = options.accuracy;
+  return out;
+}
+
+// Of what the likelihood of the digests adds up, inputs included.
+RecordingInformation information_of_digests(const Model& model, const BoundOptions& options,
+                                            const std::vector<RecordingDigest>& digests) {
+  const StateSpace system = instantiate(as_linear(model), model.parameters);
+  const std::vector<StateSpace> derivatives = model_derivatives(as_linear(model), model.parameters);
+  RecordingInformation out;
+  FilterStatus status = FilterStatus::ok;
+  if (as_linear(model).B.constant.cols() > 0) {
+    RecordingsLikelihood likelihood(model, digests);
+    const Likelihood* const at = likelihood.evaluate(model.parameters, true);
+    if (at == nullptr) status = likelihood.status_at_start();
+    if (at != nullptr) out.total = at->information;
+  } else {
+    // Nothing but the number of samples counts.
+    const auto k = static_cast<Index>(derivatives.size());
+    out.total = MatrixXd::Zero(k, k);
+    for (const RecordingDigest& digest : digests) {
+      const ExpectedInformation one = expected_information(system, as_linear(model).initial,
+                                                           digest.samples, derivatives, MatrixXd());
+      if (one.status != FilterStatus::ok) status = one.status;
+      if (status == FilterStatus::ok) out.total += one.total;
+    }
+  }
+  if (status != FilterStatus::ok) {
+    throw InputError({model.source, 0, 0}, describe(status), "values of a filter that runs");
+  }
+  const auto samples = static_cast<double>(options.samples);
+  if (std::isfinite(options.accuracy)) {
+    out.growing = GrowingInformation{out.total, out.total / samples, samples};
+  }
+  out.complete = complete_variance(system, derivatives);
+  out.gain = steady_gain_sensitivity(system, derivatives);
+  if (out.gain) {
+    const bool of_the_noise =
+        std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
+    out.innovation_form = innovation_form(system, *out.gain, options.samples, of_the_noise);
+  }
+  return out;
+}
+
 }  // namespace
 
 CramerRaoBound bound_of(const Model& given, const BoundOptions& options, const Dataset* inputs) {
@@ -313,42 +391,31 @@ CramerRaoBound bound_of(const Model& given, const BoundOptions& options, const D
                     "more runs, not {}",
                     options.runs));
   }
-  if (free_entries(model.parameters).size() == 0) {
-    throw InputError({model.source, 0, 0}, "nothing is free, so there is nothing to bound",
-                     "at least one parameter with {value: ...} or a structured Q or R");
-  }
-  CramerRaoBound estimate;
-  estimate.verb = "bound";
-  estimate.model_name = model.name;
-  estimate.objective.method = "bound";
-  list_parameters(estimate, model.parameters, model.parameters);
-  Bound& bound = estimate.bound;
-  bound.samples = options.samples;
-  bound.accuracy = options.accuracy;
+  refuse_nothing_free(model);
+  CramerRaoBound estimate = begun_bound(model, options);
   const RecordingInformation information =
-      nonlinear ? information_of_nonlinear(model, options, *inputs, bound)
+      nonlinear ? information_of_nonlinear(model, options, *inputs, estimate.bound)
                 : information_of_linear(model, options, inputs,
                                         model_derivatives(as_linear(model), model.parameters));
-  const VectorXd unit = free_units(estimate);
-  const auto in_units = [&unit](const MatrixXd& J) {
-    return MatrixXd(unit.asDiagonal() * J * unit.asDiagonal());
-  };
-  const MatrixXd total = in_units(information.total);
-  const MatrixXd covariance = covariance_of(total);
-  judge_parameters(estimate, total, covariance);
-  estimate.excess_mean_square_error = excess_error(estimate, model, model.parameters);
-  std::optional<GrowingInformation> growing;
-  if (const auto& found = information.growing) {
-    growing = {in_units(found->total), in_units(found->per_sample), found->samples};
-  }
-  bound_parameters(estimate, information, unit, growing);
-  if (information.gain) bound_gain(estimate, information, unit, covariance);
-  append(estimate.findings, check_determined(estimate));
+  report_bound(estimate, model, information);
   for (const OutputCondition& condition : model.conditions) {
     estimate.notes.push_back(fmt::format(
         "taken as counting in every row: {}, which counts where {}",
         model.outputs[static_cast<std::size_t>(condition.output)].name, condition.text));
   }
+  conclude(estimate, "every free parameter can be determined");
+  return estimate;
+}
+
+CramerRaoBound bound_of_digests(const Model& model, BoundOptions options,
+                                const std::vector<RecordingDigest>& digests) {
+  refuse_constraints(model, "bound");
+  check_takes_digests(model, digests.size());
+  refuse_nothing_free(model);
+  options.samples = 0;
+  for (const RecordingDigest& digest : digests) options.samples += digest.samples;
+  CramerRaoBound estimate = begun_bound(model, options);
+  report_bound(estimate, model, information_of_digests(model, options, digests));
   conclude(estimate, "every free parameter can be determined");
   return estimate;
 }

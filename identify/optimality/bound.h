@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
+#include "lib/filter/recording_digest.h"
 
 namespace identikal {
 
@@ -37,5 +39,12 @@ struct BoundOptions {
 ///   simulated; std::invalid_argument for a nonlinear model without `inputs` or with runs < 2, and as
 ///   checked_with_inputs() (identify/model/check.h)
 CramerRaoBound bound_of(const Model& model, const BoundOptions& options, const Dataset* inputs);
+
+/// The same of recordings like those of some digests: as many samples, the same inputs, and the
+/// likelihood's information on them at the model's values.
+/// @param options  of which `accuracy` counts
+/// @throws InputError as bound_of() and check_takes_digests()
+CramerRaoBound bound_of_digests(const Model& model, BoundOptions options,
+                                const std::vector<RecordingDigest>& digests);
 
 }  // namespace identikal

@@ -7,6 +7,7 @@
 #include "identify/estimate/results.h"
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
+#include "lib/filter/recording_digest.h"
 
 namespace identikal {
 
@@ -23,5 +24,8 @@ namespace identikal {
 /// @throws InputError for a vehicle or a regression, an output that never changes, an
 /// input with gaps, or too few innovations
 OptimalityReport check(const Model& model, const std::vector<Dataset>& recordings);
+/// The same of recordings that are no longer there: the score test of Q and R, with all of the 5 %, and
+/// how far the noise is from the likeliest. @throws InputError as check_takes_digests()
+OptimalityReport check(const Model& model, const std::vector<RecordingDigest>& digests);
 
 }  // namespace identikal

@@ -32,9 +32,10 @@ std::string state_name(const Model& model, Index i) {
 
 }  // namespace
 
-std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& better,
-                                        const std::vector<Dataset>& recordings) {
-  RecordingsLikelihood likelihood(model, recordings);
+namespace {
+
+std::vector<NoiseGain> changes_by(const Model& model, const ParameterSet& better,
+                                  RecordingsLikelihood& likelihood) {
   const auto value_at = [&](const ParameterSet& at) -> std::optional<double> {
     const Likelihood* found = likelihood.evaluate(at, false);
     if (found == nullptr) return std::nullopt;
@@ -71,6 +72,20 @@ std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& 
     open = {};
   }
   return out;
+}
+
+}  // namespace
+
+std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& better,
+                                        const std::vector<Dataset>& recordings) {
+  RecordingsLikelihood likelihood(model, recordings);
+  return changes_by(model, better, likelihood);
+}
+
+std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& better,
+                                        const std::vector<RecordingDigest>& digests) {
+  RecordingsLikelihood likelihood(model, digests);
+  return changes_by(model, better, likelihood);
 }
 
 StateExcess state_excess(const Model& model, const ParameterSet& better,

@@ -9,6 +9,7 @@
 #include "identify/model/model.h"
 #include "identify/optimality/score_statistic.h"
 #include "lib/data/dataset.h"
+#include "lib/filter/recording_digest.h"
 
 namespace identikal {
 
@@ -33,6 +34,9 @@ struct NoiseGain {
 /// @return empty where the likelihood does not exist between the two
 std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& better,
                                         const std::vector<Dataset>& recordings);
+/// The same of recordings that are no longer there.
+std::vector<NoiseGain> changes_in_order(const Model& model, const ParameterSet& better,
+                                        const std::vector<RecordingDigest>& digests);
 
 /// By how much the mean-square errors of filtered states are above those of the likelier filter:
 ///

@@ -293,4 +293,16 @@ Optimality test_optimality(const Model& model, const std::vector<Dataset>& recor
   return out;
 }
 
+Optimality test_optimality(const Model& model, const std::vector<RecordingDigest>& digests) {
+  Optimality out;
+  const ScoreStatistic score = score_statistic(with_free_noise(model), digests);
+  if (score.status != FilterStatus::ok || !(score.statistic.dof > 0.0)) return out;
+  Member only = member("score", "", score.statistic, 1.0);
+  judge(only, kFamilyError);
+  out.tests.push_back(only.result);
+  out.optimal = only.result.pass;
+  report_entries(score, !out.optimal, out);
+  return out;
+}
+
 }  // namespace identikal

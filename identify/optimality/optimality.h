@@ -50,5 +50,8 @@ struct Optimality {
 /// @param filters  of each recording, at the model's own values
 Optimality test_optimality(const Model& model, const std::vector<Dataset>& recordings,
                            const std::vector<FilterResult>& filters);
+/// Of recordings that are no longer there the score test alone, which gets the whole 5 %: whether
+/// innovations are white by other means than through Q and R cannot be told.
+Optimality test_optimality(const Model& model, const std::vector<RecordingDigest>& digests);
 
 }  // namespace identikal

@@ -65,7 +65,9 @@ Model with_free_noise(const Model& model) {
   return out;
 }
 
-ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& recordings) {
+namespace {
+
+ScoreStatistic score_of(const Model& model, RecordingsLikelihood& likelihood) {
   ScoreStatistic out;
   const ReportedEntries entries = reported_entries(model.parameters);
   std::vector<double> values;
@@ -77,7 +79,6 @@ ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& r
   const auto k = static_cast<Index>(values.size());
   if (k == 0) throw std::invalid_argument("score_statistic: nothing is free");
   out.value = Eigen::Map<const VectorXd>(values.data(), k);
-  RecordingsLikelihood likelihood(model, recordings);
   const Likelihood* at = likelihood.evaluate(model.parameters, true);
   if (at == nullptr) {
     out.status = likelihood.status_at_start();
@@ -107,9 +108,8 @@ ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& r
   return out;
 }
 
-Retuned retuned(const Model& model, const std::vector<Dataset>& recordings) {
+Retuned retuned_by(const Model& model, RecordingsLikelihood& likelihood) {
   Retuned out;
-  RecordingsLikelihood likelihood(model, recordings);
   const LikelihoodProblem problem = likelihood.problem();
   // A value outside its bounds is the file's own; scoring begins at the nearest inside.
   const VectorXd start =
@@ -129,6 +129,28 @@ Retuned retuned(const Model& model, const std::vector<Dataset>& recordings) {
   out.loss = predicted_loss(instantiate(as_linear(model), model.parameters),
                             instantiate(as_linear(model), out.parameters));
   return out;
+}
+
+}  // namespace
+
+ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& recordings) {
+  RecordingsLikelihood likelihood(model, recordings);
+  return score_of(model, likelihood);
+}
+
+ScoreStatistic score_statistic(const Model& model, const std::vector<RecordingDigest>& digests) {
+  RecordingsLikelihood likelihood(model, digests);
+  return score_of(model, likelihood);
+}
+
+Retuned retuned(const Model& model, const std::vector<Dataset>& recordings) {
+  RecordingsLikelihood likelihood(model, recordings);
+  return retuned_by(model, likelihood);
+}
+
+Retuned retuned(const Model& model, const std::vector<RecordingDigest>& digests) {
+  RecordingsLikelihood likelihood(model, digests);
+  return retuned_by(model, likelihood);
 }
 
 }  // namespace identikal

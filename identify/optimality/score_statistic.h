@@ -10,6 +10,7 @@
 #include "identify/model/model.h"
 #include "lib/data/dataset.h"
 #include "lib/filter/kalman.h"
+#include "lib/filter/recording_digest.h"
 #include "lib/statistics/whiteness.h"
 
 namespace identikal {
@@ -43,6 +44,8 @@ struct ScoreStatistic {
 /// @param model  as with_free_noise() returns it
 /// @throws std::invalid_argument when nothing is free
 ScoreStatistic score_statistic(const Model& model, const std::vector<Dataset>& recordings);
+/// The same of recordings that are no longer there.
+ScoreStatistic score_statistic(const Model& model, const std::vector<RecordingDigest>& digests);
 
 /// Where a few steps of scoring lead from the present noise, and what staying costs.
 struct Retuned {
@@ -58,5 +61,6 @@ struct Retuned {
 /// optimal the loss is what chance makes of it.
 /// @param model  as with_free_noise() returns it
 Retuned retuned(const Model& model, const std::vector<Dataset>& recordings);
+Retuned retuned(const Model& model, const std::vector<RecordingDigest>& digests);
 
 }  // namespace identikal

@@ -134,6 +134,29 @@ void put_scalar(const Parameter& p, const YamlNode& parameters, Editor& editor) 
   editor.replace(value, number + (unit.empty() ? "" : " " + unit));
 }
 
+// The parameter whose values this one is the spread of; nullptr: it is none.
+const Parameter* varying_by(const Model& model, std::size_t spread) {
+  for (const RecordingTable::Own& own : model.recordings.own) {
+    if (own.spread != static_cast<int>(spread)) continue;
+    return &model.parameters[static_cast<std::size_t>(own.parameter)];
+  }
+  return nullptr;
+}
+
+void put_spread(const Parameter& spread, const Parameter& of, const YamlNode& parameters,
+                Editor& editor) {
+  const YamlNode* node = find(parameters, of.name);
+  const YamlNode* written = node == nullptr ? nullptr : find(*node, "spread");
+  if (written == nullptr) return;
+  const auto quantity = split_quantity(written->text);
+  const std::string unit = quantity ? quantity->unit : "";
+  const double scale =
+      unit.empty() ? unit_or_dimensionless(of.unit).scale : parse_unit(unit)->scale;
+  const double value =
+      spread.unit.empty() && unit.empty() ? spread.scalar() : spread.scalar() / scale;
+  editor.replace(*written, fmt::format("{}{}{}", value, unit.empty() ? "" : " ", unit));
+}
+
 void put_matrix(const Parameter& p, const YamlNode& body, Editor& editor) {
   std::string text;
   for (Index i = 0; i < p.value.rows(); ++i) {
@@ -195,8 +218,15 @@ std::optional<std::string> estimated_model_text(const StoredEstimate& result,
     const Parameter& p = model.parameters[i];
     const bool same = p.value == started.parameters[i].value;
     if (!p.value.allFinite() || (same && p.fixed)) continue;
+    const Parameter* varying = varying_by(model, i);
+    // None that was found is no start of another search.
+    if (varying != nullptr && !(p.scalar() > 0.0)) continue;
     if (p.domain == Domain::scalar) {
       if (parameters == nullptr) return std::nullopt;
+      if (varying != nullptr) {
+        put_spread(p, *varying, *parameters, editor);
+        continue;
+      }
       // What an included file says of its bounds and role would be lost.
       if (includes && find(*parameters, p.name) == nullptr) return std::nullopt;
       put_scalar(p, *parameters, editor);
@@ -223,6 +253,7 @@ std::optional<std::string> estimated_model_text(const StoredEstimate& result,
                    &found = again.parameters[static_cast<std::size_t>(place)].value;
     const bool same = meant == started.parameters[i].value;
     if (!meant.allFinite() || (same && model.parameters[i].fixed)) continue;
+    if (varying_by(model, i) != nullptr && !(meant(0, 0) > 0.0)) continue;
     if (meant.rows() != found.rows() ||
         !(meant - found).isZero(1e-12 * meant.cwiseAbs().maxCoeff()))
       return std::nullopt;

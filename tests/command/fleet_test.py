@@ -250,6 +250,23 @@ class Population(Fleet):
         run("fleet", "tune", "level.yaml", "fleet.csv", "-o", "p.store", code=0)
         self.assertEqual(len(json.loads(run("fleet", "population", "p.store", "--json").stdout)["parameters"][0]["units"]), 6)
 
+    def test_groups_are_told_apart_where_they_differ(self):
+        """The level of noise is three times as large in one group; q is the same."""
+        rng = random.Random(13)
+        rows = ["recording,unit,group"]
+        for k in range(24):
+            self.folder.write(f"g{k}.csv", "y\n" + "\n".join(walk(rng, 300, 1.0, 9.0 if k % 2 else 3.0)) + "\n")
+            rows.append(f"g{k}.csv,car {k},{'old' if k % 2 else 'new'}")
+        self.folder.write("groups.csv", "\n".join(rows) + "\n")
+        run("fleet", "tune", "level.yaml", "groups.csv", "-o", "g.store", code=0)
+        q, r = json.loads(run("fleet", "population", "g.store", "--json", code=0).stdout)["parameters"]
+        self.assertEqual([g["group"] for g in r["groups"]], ["new", "old"])
+        self.assertTrue(all(g["units"] >= 10 for g in r["groups"]), r["groups"])  # of those with status ok
+        self.assertLess(r["groups_p"], 1e-6)
+        self.assertGreater(q["groups_p"], 0.01)
+        self.assertAlmostEqual(r["groups"][1]["mean"] - r["groups"][0]["mean"], 1.0986, delta=0.2)
+        self.assertIn("groups differ", run("fleet", "population", "g.store", code=0).stdout)
+
     def test_too_few_are_told(self):
         run("fleet", "tune", "level.yaml", "drives/0000.csv", "-o", "p.store", code=0)
         self.assertIn("fewer units", run("fleet", "population", "p.store", code=0).stdout)
@@ -276,6 +293,30 @@ class Digests(Fleet):
         run("digest", "level.yaml", "all", "-o", "again.digest", code=0)
         self.assertEqual(pathlib.Path("again.digest").read_bytes(), pathlib.Path("all/all.digest").read_bytes())
 
+    def test_check_and_bound_of_digests_are_those_of_recordings(self):
+        """The score of each entry, its p-value, the gain of better noise, the excess error; the bound with as many samples."""
+        self.folder.write("stable.yaml", LEVEL.replace("A: [[1]]", "A: [[0.9]]").replace("initial: diffuse", "initial: stationary"))
+        for model in ("level.yaml", "stable.yaml"):
+            run("digest", model, "drives/0000.csv", "-o", "0.digest", code=0)
+            for noise in ("q=1", "q=3"):
+                whole = json.loads(run("check", model, "drives/0000.csv", "--set", noise, "--set", "r=4", "--json").stdout)
+                small = json.loads(run("check", model, "0.digest", "--set", noise, "--set", "r=4", "--json").stdout)
+                scores = {(t["id"], t["channel"]): t for t in whole["tests"] if t["id"].startswith("score")}
+                self.assertEqual(len(small["tests"]), 3)
+                for test in small["tests"]:
+                    self.assertAlmostEqual(test["value"], scores[test["id"], test["channel"]]["value"], delta=1e-9 * max(1, abs(test["value"])))
+                    self.assertAlmostEqual(test["p"], scores[test["id"], test["channel"]]["p"], delta=1e-9)
+                self.assertAlmostEqual(small["objective"]["log_likelihood"] / whole["objective"]["log_likelihood"], 1, delta=1e-9)
+                self.assertAlmostEqual(small["derived"][0]["value"] / whole["derived"][0]["value"], 1, delta=1e-6)
+                if noise == "q=3":
+                    self.assertEqual(small["status"]["code"], "rejected")
+                    steps = [[n for n in found["notes"] if "scoring steps" in n] for found in (whole, small)]
+                    self.assertEqual(*steps)
+            of_rows = json.loads(run("bound", model, "-n", str(self.rows), "--json", code=0).stdout)
+            of_digest = json.loads(run("bound", model, "0.digest", "--json", code=0).stdout)
+            for a, b in zip(of_rows["parameters"], of_digest["parameters"]):
+                self.assertAlmostEqual(b["crb_se"] / a["crb_se"], 1, delta=1e-9)
+
     def test_mistakes(self):
         run("digest", "level.yaml", "drives/0000.csv", "-o", "0.digest", code=0)
         self.folder.write("other.yaml", LEVEL.replace("name: level, column", "name: height, column"))
@@ -288,7 +329,9 @@ class Digests(Fleet):
                 (("tune", "level.yaml", "0.digest", "--hold-out", "30%"), "--hold-out does not apply to digests"),
                 (("tune", "level.yaml", "damaged.digest"), "a damaged digest"),
                 (("tune", "other.yaml", "0.digest"), "outputs height"),
-                (("check", "level.yaml", "0.digest"), "a digest for 'check'"),
+                (("filter", "level.yaml", "0.digest"), "digest"),
+                (("check", "level.yaml", "0.digest", "--range", "0:50"), "--range does not apply to digests"),
+                (("bound", "level.yaml", "0.digest", "-n", "50"), "-n does not apply to digests"),
                 (("digest", "level.yaml", "gap.csv", "-o", "x.digest"), "a sample is missing"),
                 (("digest", "level.yaml", "drives/0000.csv", "-o", "x.txt"), ".digest"),
                 (("digest", "level.yaml", "drives/0000.csv", "--range", "0:50", "-o", "x.digest"), "a long recording")]:

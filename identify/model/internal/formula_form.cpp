@@ -151,6 +151,7 @@ class FormulaReader {
     bound_sources(root_, out_.recordings, parameters_);
     check_start();
     out_.parameters = std::move(parameters_.set);
+    add_spreads(root_, out_);
   }
 
  private:

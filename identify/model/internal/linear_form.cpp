@@ -118,6 +118,7 @@ void read_linear(const YamlNode& root, Model& out) {
     out.form = changing_model(std::move(model), nu, parameters.names.size());
   }
   out.parameters = std::move(parameters.set);
+  add_spreads(root, out);
 }
 
 }  // namespace identikal

@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include "identify/model/model_values.h"
+#include "identify/model/own_parameters.h"
 #include "lib/base/nearest_name.h"
 #include "lib/data/units.h"
 
@@ -100,6 +101,83 @@ RecordingTable::Row read_row(const YamlNode& name, const YamlNode& body,
 }
 
 }  // namespace
+
+namespace {
+
+const char* const kSpreadName = "sd_";
+
+// The standard deviation between the values of a parameter, as a parameter.
+Parameter spread_of(const Parameter& of, const YamlNode& node) {
+  const std::string what = "spread of parameter " + in_quotes(of.name);
+  Parameter out;
+  out.name = kSpreadName + of.name;
+  const bool relative = varies_by_logarithm(of);
+  const Quantity given = parse_quantity(text_of(node, what), node.at, what);
+  out.unit = relative ? "" : of.unit;
+  double value = si_value(given, out.unit, node.at, what);
+  if (const Unit unit = unit_or_dimensionless(out.unit); unit.offset != 0.0) {
+    // A difference: the zero of a scale such as degC does not count.
+    value = given.unit.empty() ? unit.scale * given.number
+                               : parse_unit(given.unit)->scale * given.number;
+    out.unit = "K";
+  }
+  if (!(value > 0.0)) {
+    throw InputError(node.at, fmt::format("{} is {}", what, describe(node)), "above 0, the start",
+                     relative ? "of a parameter that cannot be negative it is that of the "
+                                "logarithm: 0.2 is about 20 %"
+                              : "");
+  }
+  out.value = Eigen::MatrixXd::Constant(1, 1, value);
+  out.min = 0.0;
+  out.fixed = true;  // no likelihood of single recordings knows it
+  return out;
+}
+
+}  // namespace
+
+void add_spreads(const YamlNode& root, Model& model) {
+  if (const YamlNode* spreads = find(root, "spreads")) {
+    model.recordings.correlated =
+        word_of(*spreads, "spreads", {"independent", "correlated"}) == "correlated";
+  }
+  const YamlNode* declared = find(root, "parameters");
+  for (std::size_t i = 0; declared != nullptr && i < declared->keys.size(); ++i) {
+    const YamlNode& body = declared->items[i];
+    const YamlNode* spread = body.kind == YamlNode::Kind::mapping ? find(body, "spread") : nullptr;
+    if (spread == nullptr) continue;
+    const std::string& name = declared->keys[i].text;
+    const int parameter = find_parameter(model.parameters, name);
+    const auto own = std::find_if(model.recordings.own.begin(), model.recordings.own.end(),
+                                  [&](const auto& each) { return each.parameter == parameter; });
+    const Parameter& of = model.parameters[static_cast<std::size_t>(parameter)];
+    if (own == model.recordings.own.end() || of.fixed) {
+      throw InputError(
+          spread->at, fmt::format("spread of parameter {}", in_quotes(name)),
+          of.fixed ? "of one that is estimated" : "per: recording, or a label, with it");
+    }
+    if (of.prior.kind != Prior::Kind::none) {
+      throw InputError(spread->at, fmt::format("parameter {} has a prior", in_quotes(name)),
+                       "one of 'prior' and 'spread'");
+    }
+    if (varies_by_logarithm(of) && !(of.scalar() > 0.0)) {
+      throw InputError(body.at, fmt::format("parameter {} starts at 0", in_quotes(name)),
+                       "above 0: its logarithm varies between recordings");
+    }
+    Parameter added = spread_of(of, *spread);
+    if (find_parameter(model.parameters, added.name) >= 0) {
+      throw InputError(declared->keys[i].at,
+                       fmt::format("{} is a parameter, and what the spread of {} is called",
+                                   in_quotes(added.name), in_quotes(name)),
+                       "another name of one of them");
+    }
+    own->spread = static_cast<int>(model.parameters.size());
+    model.parameters.push_back(std::move(added));
+  }
+  if (const YamlNode* spreads = find(root, "spreads"); spreads && !has_population(model)) {
+    throw InputError(spreads->at, "'spreads', and no parameter has a spread",
+                     "per: recording, spread: NUMBER of parameters");
+  }
+}
 
 RecordingTable read_recordings(const YamlNode& root, NamedParameters& parameters) {
   RecordingTable out;

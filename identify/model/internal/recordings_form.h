@@ -12,6 +12,10 @@ namespace identikal {
 ///   labels, and for units that differ
 RecordingTable read_recordings(const YamlNode& root, NamedParameters& parameters);
 
+/// Adds the standard deviations that `spread` of parameters asks for, "sd_NAME", behind all others.
+/// @throws InputError for one that is not positive, without `per`, or beside a prior
+void add_spreads(const YamlNode& root, Model& model);
+
 /// Per parameter: has it other values in some recordings?
 std::vector<bool> differs(const RecordingTable& table, std::size_t parameters);
 
