@@ -96,6 +96,7 @@ constexpr NamedVerb kVerbs[] = {
     {"fleet status", fleet_status_verb},
     {"fleet export", fleet_export_verb},
     {"fleet population", fleet_population_verb},
+    {"fleet coverage", fleet_coverage_verb},
     {"fleet report", fleet_report_verb},
     {"fleet merge", fleet_merge_verb},
 };

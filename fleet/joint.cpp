@@ -10,6 +10,7 @@
 #include "fleet/internal/row_condition.h"
 #include "fleet/internal/workers.h"
 #include "fleet/manifest.h"
+#include "fleet/simulated.h"
 #include "fleet/verbs.h"
 #include "jobs/verbs.h"
 #include <fmt/format.h>
@@ -58,6 +59,10 @@ class RecordingNames {
   static std::string stem(const std::string& path) { return fs::path(path).stem().string(); }
 
   void add(const FleetJob& job, bool alone) {
+    if (is_simulation(job.recording)) {
+      throw InputError({job.recording}, "a simulation in a joint fit", "recordings",
+                       "'identikal simulate' writes one");
+    }
     if (!job.options.empty()) {
       throw InputError({job.recording}, "options of one recording in a joint fit",
                        "options of the command, which hold for all");
@@ -162,7 +167,12 @@ void work_with(const Verb& fit, Call call, const Connection& connection) {
   const std::size_t space = first->find(' ');
   team->rank = std::stoi(first->substr(0, space));
   team->size = std::stoi(first->substr(space + 1));
-  team->hear = connection.receive;
+  bool ended = false;
+  team->hear = [&] {
+    std::optional<std::string> bytes = connection.receive();
+    ended = !bytes;
+    return bytes;
+  };
   team->answer = [&connection](const std::string& bytes) {
     connection.send(frame_of(std::string_view(bytes)));
   };
@@ -175,7 +185,7 @@ void work_with(const Verb& fit, Call call, const Connection& connection) {
   } catch (const std::exception& error) {
     failure = error.what();
   }
-  while (connection.receive()) team->answer(bytes_of_failure(failure));
+  while (!ended && team->hear()) team->answer(bytes_of_failure(failure));
 }
 
 // No processes of this machine beside the ranks.

@@ -7,6 +7,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "fleet/simulated.h"
 #include <fmt/format.h>
 #include <glob.h>
 
@@ -73,7 +74,7 @@ void check_columns(const TextTable& table) {
 
 // Relative to the manifest's folder, each of files that are joined.
 std::string recording_of(const std::string& written, const fs::path& folder) {
-  if (folder.empty()) return written;
+  if (folder.empty() || is_simulation(written)) return written;
   std::string out;
   for (const std::string& file : joined_files(written)) {
     const fs::path path(file);
@@ -119,6 +120,7 @@ std::optional<std::vector<FleetJob>> of_manifest(const std::string& path) {
 }
 
 std::vector<FleetJob> jobs_of(const std::string& manifest) {
+  if (is_simulation(manifest)) return simulations_of(manifest);
   std::error_code ignored;
   if (fs::is_directory(manifest, ignored)) return of_folder(manifest);
   const bool there = fs::exists(manifest, ignored);

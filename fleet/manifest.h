@@ -24,7 +24,8 @@ struct FleetJob {
 /// - a CSV file with a column "recording", where they are needed "unit", "group", "options" and
 ///   "where", and others as covariates; a path that is relative is so to the manifest's folder,
 /// - a folder: its files *.csv and those of its folders, by name,
-/// - a pattern, as a shell knows it: "drives/car_*/*.csv", or
+/// - a pattern, as a shell knows it: "drives/car_*/*.csv",
+/// - simulations of the model: "simulate:1-500 -n 300" (fleet/simulated.h), or
 /// - a recording.
 ///
 /// Example:

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "fleet/internal/row_condition.h"
+#include "fleet/simulated.h"
 #include "jobs/verbs.h"
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -95,6 +96,7 @@ std::string host_name() {
 
 // Of the files of a recording as they are now; empty where one cannot be read.
 std::string sha256_of_files(const std::string& recording, Inputs& inputs) {
+  if (is_simulation(recording)) return sha256_of_text(recording);
   std::string out;
   try {
     for (const std::string& file : joined_files(recording)) {
@@ -129,9 +131,16 @@ bool is_option_of_fleet(const Option& option) {
   return std::find(kNotOfFleets.begin(), kNotOfFleets.end(), option.called()) == kNotOfFleets.end();
 }
 
-void take_words(const Verb& verb, const std::vector<std::string>& words) {
+void take_words(const Verb& verb, const std::vector<std::string>& words,
+                const std::string& argument) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     const std::string& word = words[i];
+    if (!word.starts_with('-') && !argument.empty()) {
+      for (const Option& option : verb.options) {
+        if (option.names == argument) take(option, word);
+      }
+      continue;
+    }
     if (!word.starts_with('-')) {
       throw InputError({}, fmt::format("'{}' among options", word), "--name value");
     }
@@ -165,6 +174,7 @@ std::string digest_of(const FleetTask& task) {
 }
 
 std::string stamp_of(const std::string& recording) {
+  if (is_simulation(recording)) return "simulated";
   std::string out;
   for (const std::string& file : joined_files(recording)) {
     struct stat status {};
@@ -194,6 +204,10 @@ struct JobRunner::Shared {
 void JobRunner::Shared::read(const std::string& recording, const std::string& its_stamp) {
   if (recording == file && its_stamp == stamp) return;
   file.clear();
+  if (is_simulation(recording)) {
+    throw InputError({recording}, "rows of a simulation", "whole recordings",
+                     "--by and 'where' choose rows of a file");
+  }
   if (joined_files(recording).size() > 1) {
     throw InputError({recording}, "rows of files that are joined", "one file",
                      "--by and 'where' choose rows of a single one");
@@ -218,6 +232,13 @@ Inputs JobRunner::Shared::inputs() const {
 FleetRow JobRunner::Shared::row(const FleetJob& job, const std::string& recording,
                                 Inputs& inputs) const {
   return row_or_failure([&] {
+    if (is_simulation(recording)) {
+      if (is_result(task)) {
+        throw InputError({recording}, "'validate' of a simulation", "recordings",
+                         "'fleet check' tests a model on its own simulations");
+      }
+      inputs.keep_table(recording, simulated_table(recording, task.model, inputs));
+    }
     const Verb verb = make_fleet_verb(task.verb);
     take_job(verb, task, job, recording);
     Call call;

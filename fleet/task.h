@@ -19,8 +19,10 @@ Verb make_fleet_verb(const std::string& name);
 /// Options that a fleet takes for each of its recordings: not those that name files to write.
 bool is_option_of_fleet(const Option& option);
 /// Takes words such as "--starts", "1", "--set=q=3" as a command line would.
+/// @param argument  of the verb, which a word without dashes is; empty: there is none
 /// @throws InputError for an option that the verb does not have, or a fleet does not take
-void take_words(const Verb& verb, const std::vector<std::string>& words);
+void take_words(const Verb& verb, const std::vector<std::string>& words,
+                const std::string& argument = "");
 
 /// SHA-256 of the verb, the model with what it includes, the options and this version.
 /// @throws InputError for a model that cannot be read

@@ -10,6 +10,7 @@
 #include "fleet/page.h"
 #include "fleet/population.h"
 #include "fleet/run.h"
+#include "fleet/simulated.h"
 #include "fleet/slurm.h"
 #include "fleet/summary.h"
 #include "fleet/table.h"
@@ -96,6 +97,7 @@ void check_folder(FleetStore& store) {
 // Bytes of its files; a recording that is not there costs nothing.
 double cost_of(const FleetJob& job) {
   double out = 0.0;
+  if (is_simulation(job.recording)) return 1000.0;
   for (const std::string& file : joined_files(job.recording)) {
     std::error_code error;
     const auto size = fs::file_size(file, error);
@@ -340,9 +342,9 @@ Verb fleet_verb(const std::string& name, const char* help) {
       verb, of_result ? "RESULT" : "MODEL", options->model,
       of_result ? "Result to validate: result.json, or its folder." : "Model file (YAML).");
   add_arguments(verb, "MANIFEST", options->manifests,
-                "Recordings: files, a folder, a quoted pattern such as 'drives/*.csv', or a CSV "
+                "Recordings: files, a folder, a quoted pattern such as 'drives/*.csv', a CSV "
                 "file with a column recording and, where they are needed, unit, group, options "
-                "and where.");
+                "and where, or simulations of the model such as 'simulate:1-500 -n 300'.");
   add_required_text(verb, "-o,--output", options->store,
                     "Store of the results, a SQLite database. What is in it already and still "
                     "holds is not done again.");
@@ -461,6 +463,27 @@ Verb fleet_export_verb() {
       write_files({{options->file, out.text}}, {options->store});
       out.text = fmt::format("{} written\n", options->file);
     }
+    return out;
+  };
+  return verb;
+}
+
+Verb fleet_coverage_verb() {
+  struct CoverageOptions {
+    std::string store;
+    bool json = false;
+  };
+  const auto options = std::make_shared<CoverageOptions>();
+  Verb verb{"fleet coverage",
+            "Set estimates from simulated recordings beside the values that these were made with."};
+  add_argument(verb, "STORE", options->store, "Store of the fleet.");
+  add_json(verb, options->json);
+  verb.run = [options](Call&) {
+    FleetStore store(options->store, FleetStore::Open::read);
+    check_folder(store);
+    const CoverageReport report = coverage_of(store);
+    Outcome out;
+    out.text = options->json ? coverage_json(report) : coverage_text(report);
     return out;
   };
   return verb;

@@ -14,6 +14,7 @@ Verb fleet_resume_verb();
 Verb fleet_status_verb();
 Verb fleet_export_verb();
 Verb fleet_population_verb();
+Verb fleet_coverage_verb();
 Verb fleet_report_verb();
 Verb fleet_merge_verb();
 

@@ -174,6 +174,16 @@ GrowingInformation growing_information(ExpectedInformation found, const StateSpa
   return {found.total, settles ? found.per_sample : MatrixXd(found.total / count), count};
 }
 
+// What rests on a steady filter.
+void add_steady(const StateSpace& system, const std::vector<StateSpace>& derivatives, Index samples,
+                RecordingInformation& out) {
+  out.complete = complete_variance(system, derivatives);
+  out.gain = steady_gain_sensitivity(system, derivatives);
+  if (!out.gain) return;
+  const bool of_the_noise = std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
+  out.innovation_form = innovation_form(system, *out.gain, samples, of_the_noise);
+}
+
 RecordingInformation information_of_linear(const Model& model, const BoundOptions& options,
                                            const Dataset* inputs,
                                            const std::vector<StateSpace>& derivatives) {
@@ -194,13 +204,7 @@ RecordingInformation information_of_linear(const Model& model, const BoundOption
     out.growing =
         growing_information(information, system, linear.initial, options.samples, derivatives, u);
   }
-  out.complete = complete_variance(system, derivatives);
-  out.gain = steady_gain_sensitivity(system, derivatives);
-  if (out.gain) {
-    const bool of_the_noise =
-        std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
-    out.innovation_form = innovation_form(system, *out.gain, options.samples, of_the_noise);
-  }
+  add_steady(system, derivatives, options.samples, out);
   return out;
 }
 
@@ -362,13 +366,7 @@ RecordingInformation information_of_digests(const Model& model, const BoundOptio
   if (std::isfinite(options.accuracy)) {
     out.growing = GrowingInformation{out.total, out.total / samples, samples};
   }
-  out.complete = complete_variance(system, derivatives);
-  out.gain = steady_gain_sensitivity(system, derivatives);
-  if (out.gain) {
-    const bool of_the_noise =
-        std::none_of(derivatives.begin(), derivatives.end(), changes_dynamics);
-    out.innovation_form = innovation_form(system, *out.gain, options.samples, of_the_noise);
-  }
+  add_steady(system, derivatives, options.samples, out);
   return out;
 }
 

@@ -66,16 +66,11 @@ struct MixedEffects {
 ///
 /// Example:
 ///
-///     // y_i ~ N(b_i, 0.5^2) of three units, which differ
-///     const Eigen::Vector3d y{1.0, 3.0, 8.0};
-///     const Eigen::Vector3d none = Eigen::Vector3d::Constant(HUGE_VAL);
-///     const MixedEffects all = maximise_marginal({{[&](const auto& b, double& L, auto* g, auto* J) {
-///       if (g) *g = (y - b) / 0.25;
-///       if (J) *J = Eigen::Matrix3d::Identity() / 0.25;
-///       return L = -2.0 * (y - b).squaredNorm(), true;
-///     }, -none, none}, {}, {}, Eigen::Matrix<Eigen::Index, 1, 3>{0, 1, 2}, {false}, false},
-///                                                {Eigen::VectorXd(), Eigen::VectorXd::Zero(1),
-///                                                 Eigen::VectorXd::Ones(1)});
+///     const Eigen::Matrix<Eigen::Index, 1, 3> places{1, 2, 3};
+///     const MixedEffectsProblem units{LikelihoodProblem(), {0}, {}, places, {false}};
+///     const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);  // data: by a variance and three b_i
+///     const MixedEffects all = maximise_marginal(units, {one, one, one});
+///     std::printf("%g, between units %g\n", all.mean[0].value, all.spread[0].value);
 ///
 /// @throws std::invalid_argument for sizes that disagree, fewer than two units, or a spread that is
 ///   not positive

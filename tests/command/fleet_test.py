@@ -272,6 +272,42 @@ class Population(Fleet):
         self.assertIn("fewer units", run("fleet", "population", "p.store", code=0).stdout)
 
 
+class Simulated(Fleet):
+    recordings = 1
+
+    def test_intervals_of_simulations_hold_the_truth(self):
+        """200 recordings of 300 rows: of 95 % intervals fewer than 178 or more than 199 hold the truth with a chance of 1 %."""
+        run("fleet", "tune", "level.yaml", "simulate:1-200 -n 300 --set r=4", "-o", "mc.store", "--workers", "2", code=0)
+        found = json.loads(run("fleet", "coverage", "mc.store", "--json", code=0).stdout)
+        self.assertEqual(found["rows"], 200)
+        self.assertGreater(found["ok"], 170)
+        for p, truth in zip(found["parameters"], (1, 4)):
+            self.assertEqual(p["truth"], truth)
+            self.assertTrue(178 / 200 <= p["inside"] / p["rows"] <= 199 / 200, p)
+            self.assertAlmostEqual(p["mean_se"] / p["sd"], 1, delta=0.2)
+            self.assertAlmostEqual(p["mean"], truth, delta=4 * p["sd"] / p["rows"] ** 0.5 + 0.02 * truth)
+        self.assertIn("intervals hold the truth in", run("fleet", "coverage", "mc.store", code=0).stdout)
+        # One of them is what 'simulate' and 'tune' make of that seed.
+        run("simulate", "level.yaml", "-n", "300", "--seed", "7", "--set", "r=4", "-o", "s", code=0)
+        alone = json.loads(run("tune", "level.yaml", "s/simulated.csv", "--json", code=0).stdout)
+        with open("t.csv", "w") as out:
+            out.write(run("fleet", "export", "mc.store", code=0).stdout)
+        with open("t.csv") as rows:
+            row = list(csv.DictReader(rows))[6]
+        self.assertEqual(row["recording"], "simulate:7 -n 300 --set r=4")
+        self.assertAlmostEqual(float(row["log_likelihood"]), alone["objective"]["log_likelihood"], delta=1e-6)
+        # What is done is not done again, and more seeds go on.
+        self.assertIn("200 had been done and hold", run("fleet", "tune", "level.yaml", "simulate:1-210 -n 300 --set r=4", "-o", "mc.store", code=0).stdout)
+
+    def test_mistakes_of_simulations(self):
+        for recipe, said in (("simulate:x -n 3", "simulate:SEED"), ("simulate:5-1 -n 3", "no seeds"), ("simulate:1- -n 3", "simulate:SEED"), ("simulate:0-99999999999 -n 3", "up to")):
+            self.assertIn(said, run("fleet", "tune", "level.yaml", recipe, "-o", "x.store", code=2).stderr)
+        run("fleet", "tune", "level.yaml", "simulate:1-2 --nonsense 3", "-o", "y.store")
+        self.assertIn("unknown option '--nonsense'", run("fleet", "export", "y.store").stdout)
+        run("fleet", "tune", "level.yaml", "drives", "-o", "z.store", code=0)
+        self.assertIn("is not simulated", run("fleet", "coverage", "z.store", code=2).stderr)
+
+
 class Digests(Fleet):
     recordings = 3
     rows = 4000

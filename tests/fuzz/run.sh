@@ -10,7 +10,7 @@ plain=no
 hours=${1:?run.sh [--plain] HOURS [TARGET...]}
 shift
 targets=("$@")
-[ ${#targets[@]} -gt 0 ] || targets=(csv yaml formula model_file result command_line job interface)
+[ ${#targets[@]} -gt 0 ] || targets=(csv yaml formula model_file result digest manifest store command_line job interface)
 counts=$PWD/tests/fuzz/executions.txt
 seconds=$(awk "BEGIN { print int($hours * 3600 / ${#targets[@]}) }")
 work=$PWD/build-fuzz/corpus

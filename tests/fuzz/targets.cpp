@@ -3,15 +3,25 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include <unistd.h>
 
 namespace identikal::fuzz {
 
 const std::vector<Target>& targets() {
-  static const std::vector<Target> all = {
-      {"csv", csv, 4000},         {"yaml", yaml, 4000},
-      {"formula", formula, 2000}, {"model_file", model_file, 4000},
-      {"result", result, 12000},  {"command_line", command_line, 400},
-      {"job", job, 4000},         {"interface", interface, 4000}};
+  static const std::vector<Target> all = {{"csv", csv, 4000},
+                                          {"yaml", yaml, 4000},
+                                          {"formula", formula, 2000},
+                                          {"model_file", model_file, 4000},
+                                          {"result", result, 12000},
+                                          {"digest", digest, 4000},
+                                          {"manifest", manifest, 2000},
+                                          {"store", store, 300},
+                                          {"command_line", command_line, 400},
+                                          {"job", job, 4000},
+                                          {"interface", interface, 4000}};
   return all;
 }
 
@@ -28,6 +38,19 @@ void require_one_line(std::string_view message) {
   std::fprintf(stderr, "not one line for the user: %.*s\n", static_cast<int>(message.size()),
                message.data());
   std::abort();
+}
+
+ScratchFile::ScratchFile(std::string_view bytes, const std::string& ending)
+    : path_((std::filesystem::temp_directory_path() / ("fuzz-" + std::to_string(getpid()) + ending))
+                .string()) {
+  std::ofstream(path_, std::ios::binary) << bytes;
+}
+
+ScratchFile::~ScratchFile() {
+  for (const char* beside : {"", "-journal", ".lock"}) {
+    std::error_code ignored;
+    std::filesystem::remove(path_ + beside, ignored);
+  }
 }
 
 std::vector<std::string> lines_of(std::string_view text) {

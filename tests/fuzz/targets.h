@@ -14,6 +14,9 @@ void yaml(std::string_view bytes);          ///< a tree of keys and values
 void formula(std::string_view bytes);       ///< an expression
 void model_file(std::string_view bytes);    ///< a model file
 void result(std::string_view bytes);        ///< result.json
+void digest(std::string_view bytes);        ///< a digest of recordings
+void manifest(std::string_view bytes);      ///< which recordings a fleet has
+void store(std::string_view bytes);         ///< what it has made of them, a database
 void command_line(std::string_view bytes);  ///< words, one a line
 void job(
     std::string_view bytes);  ///< words, a model file and a recording, a line '---' between them
@@ -29,6 +32,19 @@ const std::vector<Target>& targets();
 const Target* target_called(std::string_view name);
 
 // What targets share.
+
+/// A file of its own with these bytes, which goes with it.
+class ScratchFile {
+ public:
+  ScratchFile(std::string_view bytes, const std::string& ending);
+  ~ScratchFile();
+  ScratchFile(const ScratchFile&) = delete;
+  ScratchFile& operator=(const ScratchFile&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
 
 /// Ends the program unless the message is one line of text.
 void require_one_line(std::string_view message);
