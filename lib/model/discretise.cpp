@@ -1,29 +1,15 @@
 #include "lib/model/discretise.h"
 
+#include <array>
 #include <cmath>
 #include <stdexcept>
-
-#include <unsupported/Eigen/MatrixFunctions>
+#include <utility>
 
 namespace identikal {
 namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-
-// exp of X, and its derivative in the direction dX.
-struct Exponential {
-  MatrixXd value, derivative;
-};
-Exponential exponential(const MatrixXd& X, const MatrixXd* dX) {
-  const Index n = X.rows();
-  if (dX == nullptr) return {X.exp(), {}};
-  MatrixXd both = MatrixXd::Zero(2 * n, 2 * n);
-  both.topLeftCorner(n, n) = both.bottomRightCorner(n, n) = X;
-  both.topRightCorner(n, n) = *dX;
-  const MatrixXd e = both.exp();
-  return {e.topLeftCorner(n, n), e.topRightCorner(n, n)};
-}
 
 void check(const StateSpace& m, ProcessNoise noise, double step) {
   check_shapes(m);
@@ -33,26 +19,141 @@ void check(const StateSpace& m, ProcessNoise noise, double step) {
   }
 }
 
-// [A, B; 0, 0] h: its exponential holds Phi and Gamma. With inputs held linearly the states of the
-// exponent are x, u(t) and the way from u(t) to u(t+1), which enters u with the rate 1/h.
-MatrixXd driven(const MatrixXd& A, const MatrixXd& B, double step, InputHold hold, double ramp) {
-  const Index n = A.rows(), nu = B.cols();
-  const Index size = n + (hold == InputHold::linear ? 2 : 1) * nu;
-  MatrixXd X = MatrixXd::Zero(size, size);
-  X.topLeftCorner(n, n) = step * A;
-  X.block(0, n, n, nu) = step * B;
-  if (hold == InputHold::linear) X.block(n, n + nu, nu, nu).diagonal().setConstant(ramp);
-  return X;
-}
+// At most so many terms of a series in a matrix whose norm is one half, and of its derivative.
+constexpr int kMostTerms = 24;
 
-// B of the sampled model (or its derivative) from the exponential (or its derivative).
-MatrixXd input_matrix(const MatrixXd& e, Index n, Index nu, InputHold hold) {
-  const MatrixXd Gamma = e.block(0, n, n, nu);
+// What a step of length h does: Phi = e^(A h), S = int_0^h e^(A s) ds, R = int_0^h e^(A (h - s)) s ds,
+// Q = int_0^h e^(A s) W e^(A' s) ds. Each is a series in A over a step so short that no term is large,
+// and that step is doubled, which keeps the digits of fast poles:
+//
+//   Phi = sum P_k, P_k = h/k A P_(k-1);  Q = sum T_k, T_k = h/(k+1) (A T_(k-1) + T_(k-1) A')
+//   Q(2h) = Q + Phi Q Phi',  S(2h) = S + Phi S,  R(2h) = R + Phi R + h S
+//
+// Derivatives follow term by term. Matrices of up to `Most` rows lie in place.
+template <int Rows, int Most = Rows>
+class Stepping {
+ public:
+  using Square = Eigen::Matrix<double, Rows, Rows, 0, Most, Most>;
+  struct Values {
+    Square Phi, S, R, Q;
+  };
+
+  Stepping(const MatrixXd& A, const MatrixXd& W, double step, InputHold hold)
+      : A_(A), ramp_(hold == InputHold::linear), noise_(W.size() > 0) {
+    const double norm = A.size() == 0 ? 0.0 : 2.0 * A.cwiseAbs().rowwise().sum().maxCoeff();
+    const double size = step * norm;
+    const int halvings =
+        size > 1.0 && std::isfinite(size) ? static_cast<int>(std::ceil(std::log2(size))) : 0;
+    h_ = std::ldexp(step, -halvings);
+    for (double term = 1.0; term > 1e-18 && terms_ < kMostTerms - 2;) term *= h_ * norm / ++terms_;
+    terms_ += 2;  // derivatives converge later
+    take_series(W);
+    for (int i = 0; i < halvings; ++i) double_step();
+  }
+
+  const Values& values() const { return levels_.back(); }
+
+  // In the direction dA, dW.
+  Values derivative(const MatrixXd& dA, const MatrixXd& dW) const {
+    const bool rests = dA.isZero(0.0);
+    Values d = rests ? zero() : motion_derivative(dA);
+    if (rests && (!noise_ || dW.isZero(0.0))) return d;
+    if (noise_) noise_derivative(dA, dW, d);
+    double h = h_;
+    for (std::size_t i = 0; i + 1 < levels_.size(); ++i, h *= 2.0) {
+      const Values& v = levels_[i];
+      const Square F = d.Phi;
+      if (noise_) {
+        const Square moved = F * Square(v.Q * v.Phi.transpose());
+        d.Q = (d.Q + v.Phi * Square(d.Q * v.Phi.transpose()) + moved + moved.transpose()).eval();
+      }
+      if (ramp_) d.R = (d.R + F * v.R + v.Phi * d.R + h * d.S).eval();
+      d.S = (d.S + F * v.S + v.Phi * d.S).eval();
+      d.Phi = (F * v.Phi + v.Phi * F).eval();
+    }
+    return d;
+  }
+
+ private:
+  Values zero() const {
+    const Square none = Square::Zero(A_.rows(), A_.cols());
+    return {none, none, none, none};
+  }
+
+  void take_series(const MatrixXd& W) {
+    const Index n = A_.rows();
+    Values v = zero();
+    P_[0] = v.Phi = Square::Identity(n, n);
+    v.S = h_ * v.Phi;
+    v.R = 0.5 * h_ * h_ * v.Phi;
+    for (int k = 1; k <= terms_; ++k) {
+      P_[k].noalias() = (h_ / k) * (A_ * P_[k - 1]);
+      v.Phi += P_[k];
+      v.S += (h_ / (k + 1)) * P_[k];
+      v.R += (h_ * h_ / ((k + 1) * (k + 2))) * P_[k];
+    }
+    if (noise_) {
+      v.Q = T_[0] = h_ * W;
+      for (int k = 1; k <= terms_; ++k) {
+        const Square moved = A_ * T_[k - 1];
+        T_[k] = (h_ / (k + 1)) * (moved + moved.transpose());
+        v.Q += T_[k];
+      }
+    }
+    levels_.push_back(std::move(v));
+  }
+
+  void double_step() {
+    const Values& v = levels_.back();
+    const double h = std::ldexp(h_, static_cast<int>(levels_.size()) - 1);
+    Values to;
+    to.Q = noise_ ? Square(v.Q + v.Phi * Square(v.Q * v.Phi.transpose())) : v.Q;
+    to.R = v.R + v.Phi * v.R + h * v.S;
+    to.S = v.S + v.Phi * v.S;
+    to.Phi = v.Phi * v.Phi;
+    levels_.push_back(std::move(to));
+  }
+
+  Values motion_derivative(const Square& dA) const {
+    Values d = zero();
+    Square dP = d.Phi;
+    for (int k = 1; k <= terms_; ++k) {
+      dP = ((h_ / k) * (dA * P_[k - 1] + A_ * dP)).eval();
+      d.Phi += dP;
+      d.S += (h_ / (k + 1)) * dP;
+      if (ramp_) d.R += (h_ * h_ / ((k + 1) * (k + 2))) * dP;
+    }
+    return d;
+  }
+
+  void noise_derivative(const Square& dA, const Square& dW, Values& d) const {
+    Square dT = h_ * dW;
+    d.Q = dT;
+    for (int k = 1; k <= terms_; ++k) {
+      const Square moved = dA * T_[k - 1] + A_ * dT;
+      dT = (h_ / (k + 1)) * (moved + moved.transpose());
+      d.Q += dT;
+    }
+  }
+
+  Square A_;
+  bool ramp_, noise_;
+  double h_ = 0.0;
+  int terms_ = 0;
+  std::array<Square, kMostTerms + 1> P_, T_;
+  std::vector<Values> levels_;
+};
+
+// B of the sampled model from that of continuous time, by what a step does to inputs.
+template <typename Square>
+MatrixXd input_matrix(const Square& S, const Square& R, const MatrixXd& B, double step,
+                      InputHold hold) {
+  const MatrixXd Gamma = S * B;
   if (hold == InputHold::constant) return Gamma;
-  const MatrixXd Gamma1 = e.block(0, n + nu, n, nu);
-  MatrixXd B(n, 2 * nu);
-  B << Gamma - Gamma1, Gamma1;
-  return B;
+  const MatrixXd Gamma1 = R * B / step;
+  MatrixXd out(B.rows(), 2 * B.cols());
+  out << Gamma - Gamma1, Gamma1;
+  return out;
 }
 
 MatrixXd feed_through(const MatrixXd& D, InputHold hold) {
@@ -62,88 +163,93 @@ MatrixXd feed_through(const MatrixXd& D, InputHold hold) {
   return out;
 }
 
-// [-A, W; 0, A'] h: its exponential holds Phi^-1 Qd and Phi'.
-MatrixXd noisy(const MatrixXd& A, const MatrixXd& W, double step) {
-  const Index n = A.rows();
-  MatrixXd X = MatrixXd::Zero(2 * n, 2 * n);
-  X.topLeftCorner(n, n) = -step * A;
-  X.topRightCorner(n, n) = step * W;
-  X.bottomRightCorner(n, n) = step * A.transpose();
-  return X;
-}
+struct Sampling {
+  ProcessNoise noise;
+  double step;
+  InputHold hold;
 
-// The exponent of noisy() holds e^(-A h), which drowns e^(A h) where poles are fast: it is taken
-// over a step so short that neither is large, and doubled, Qd(2 h) = Qd(h) + Phi Qd(h) Phi'.
-int halvings_to_one(const MatrixXd& A, double step) {
-  const double size = step * A.cwiseAbs().rowwise().sum().maxCoeff();
-  return size > 1.0 && std::isfinite(size) ? static_cast<int>(std::ceil(std::log2(size))) : 0;
-}
+  template <int Rows, int Most = Rows>
+  void take(const StateSpace& m, const std::vector<StateSpace>& by, StateSpace& out,
+            std::vector<StateSpace>& derivatives) const {
+    const bool density = noise == ProcessNoise::density;
+    const MatrixXd W = density ? MatrixXd(m.G * m.Q * m.G.transpose()) : MatrixXd();
+    const Stepping<Rows, Most> stepping(m.A, W, step, hold);
+    const auto& v = stepping.values();
+    out = m;
+    out.dt = step;
+    out.A = v.Phi;
+    out.B = input_matrix(v.S, v.R, m.B, step, hold);
+    out.D = feed_through(m.D, hold);
+    if (density) {
+      out.Q = 0.5 * (v.Q + v.Q.transpose());
+      out.G = MatrixXd::Identity(m.states(), m.states());
+      out.S = MatrixXd::Zero(m.states(), m.outputs());
+    }
+    derivatives.resize(by.size());
+    for (std::size_t i = 0; i < by.size(); ++i) direction(m, stepping, by[i], derivatives[i]);
+  }
+
+  template <int Rows, int Most>
+  void direction(const StateSpace& m, const Stepping<Rows, Most>& stepping, const StateSpace& by,
+                 StateSpace& out) const {
+    const bool density = noise == ProcessNoise::density;
+    MatrixXd dW;
+    if (density) {
+      const MatrixXd cross = by.G * m.Q * m.G.transpose();
+      dW = cross + cross.transpose() + m.G * by.Q * m.G.transpose();
+    }
+    const auto& v = stepping.values();
+    const auto d = stepping.derivative(by.A, dW);
+    out = by;
+    out.dt = step;
+    out.A = d.Phi;
+    out.B = input_matrix(d.S, d.R, m.B, step, hold) + input_matrix(v.S, v.R, by.B, step, hold);
+    out.D = feed_through(by.D, hold);
+    if (!density) return;
+    out.Q = 0.5 * (d.Q + d.Q.transpose());
+    out.G = MatrixXd::Zero(m.states(), m.states());
+    out.S = MatrixXd::Zero(m.states(), m.outputs());
+  }
+};
 
 }  // namespace
 
+void discretise(const StateSpace& continuous, const std::vector<StateSpace>& by, ProcessNoise noise,
+                double step, InputHold hold, StateSpace& out,
+                std::vector<StateSpace>& derivatives) {
+  check(continuous, noise, step);
+  const Sampling sampling{noise, step, hold};
+  switch (continuous.states()) {
+    case 1:
+      return sampling.take<1>(continuous, by, out, derivatives);
+    case 2:
+      return sampling.take<2>(continuous, by, out, derivatives);
+    case 3:
+      return sampling.take<3>(continuous, by, out, derivatives);
+    case 4:
+      return sampling.take<4>(continuous, by, out, derivatives);
+    default:
+      break;
+  }
+  constexpr int kAny = Eigen::Dynamic;
+  if (continuous.states() <= 8) return sampling.take<kAny, 8>(continuous, by, out, derivatives);
+  sampling.take<kAny>(continuous, by, out, derivatives);
+}
+
 StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double step,
                       InputHold hold) {
-  check(continuous, noise, step);
-  const Index n = continuous.states(), nu = continuous.inputs();
-  StateSpace out = continuous;
-  out.dt = step;
-  const MatrixXd e = driven(continuous.A, continuous.B, step, hold, 1.0).exp();
-  out.A = e.topLeftCorner(n, n);
-  out.B = input_matrix(e, n, nu, hold);
-  out.D = feed_through(continuous.D, hold);
-  if (noise == ProcessNoise::density) {
-    const MatrixXd W = continuous.G * continuous.Q * continuous.G.transpose();
-    const int halvings = halvings_to_one(continuous.A, step);
-    const double part = std::ldexp(step, -halvings);
-    MatrixXd Phi = (part * continuous.A).exp();
-    out.Q = Phi * noisy(continuous.A, W, part).exp().topRightCorner(n, n);
-    for (int i = 0; i < halvings; ++i) {
-      out.Q += (Phi * out.Q * Phi.transpose()).eval();
-      Phi = (Phi * Phi).eval();
-    }
-    out.Q = 0.5 * (out.Q + out.Q.transpose()).eval();
-    out.G = MatrixXd::Identity(n, n);
-    out.S = MatrixXd::Zero(n, continuous.outputs());
-  }
+  StateSpace out;
+  std::vector<StateSpace> none;
+  discretise(continuous, {}, noise, step, hold, out, none);
   return out;
 }
 
 StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace& by,
                                  ProcessNoise noise, double step, InputHold hold) {
-  check(continuous, noise, step);
-  const Index n = continuous.states(), nu = continuous.inputs();
-  StateSpace out = by;
-  out.dt = step;
-  const MatrixXd dX = driven(by.A, by.B, step, hold, 0.0);
-  const Exponential e = exponential(driven(continuous.A, continuous.B, step, hold, 1.0), &dX);
-  out.A = e.derivative.topLeftCorner(n, n);
-  out.B = input_matrix(e.derivative, n, nu, hold);
-  out.D = feed_through(by.D, hold);
-  if (noise == ProcessNoise::density) {
-    const MatrixXd& G = continuous.G;
-    const MatrixXd cross = by.G * continuous.Q * G.transpose();
-    const MatrixXd W = G * continuous.Q * G.transpose(),
-                   dW = cross + cross.transpose() + G * by.Q * G.transpose();
-    const int halvings = halvings_to_one(continuous.A, step);
-    const double part = std::ldexp(step, -halvings);
-    const MatrixXd dN = noisy(by.A, dW, part), dA = part * by.A;
-    const Exponential half = exponential(noisy(continuous.A, W, part), &dN);
-    Exponential Phi = exponential(part * continuous.A, &dA);
-    MatrixXd Q = Phi.value * half.value.topRightCorner(n, n);
-    out.Q = Phi.derivative * half.value.topRightCorner(n, n) +
-            Phi.value * half.derivative.topRightCorner(n, n);
-    for (int i = 0; i < halvings; ++i) {
-      const MatrixXd moved = Phi.derivative * Q * Phi.value.transpose();
-      out.Q += (Phi.value * out.Q * Phi.value.transpose() + moved + moved.transpose()).eval();
-      Q += (Phi.value * Q * Phi.value.transpose()).eval();
-      Phi.derivative = (Phi.derivative * Phi.value + Phi.value * Phi.derivative).eval();
-      Phi.value = (Phi.value * Phi.value).eval();
-    }
-    out.Q = 0.5 * (out.Q + out.Q.transpose()).eval();
-    out.G = MatrixXd::Zero(n, n);
-    out.S = MatrixXd::Zero(n, continuous.outputs());
-  }
-  return out;
+  StateSpace ignored;
+  std::vector<StateSpace> out;
+  discretise(continuous, {by}, noise, step, hold, ignored, out);
+  return std::move(out.front());
 }
 
 MatrixXd with_next_sample(const MatrixXd& u) {

@@ -1,6 +1,8 @@
 // Which discrete-time model has the same samples as a continuous-time one?
 #pragma once
 
+#include <vector>
+
 #include "lib/model/state_space.h"
 
 namespace identikal {
@@ -34,16 +36,22 @@ enum class InputHold {
 ///     const StateSpace sampled = discretise(model, ProcessNoise::density, 0.01);  // every 10 ms
 ///
 /// @throws std::invalid_argument when shapes disagree, step <= 0, or S is not zero with density.
-/// The noise integral is computed over a short step and doubled: fast poles keep their digits.
-/// Source: van Loan (1978), "Computing integrals involving the matrix exponential".
+/// Integrals and exponential are series over a short step, which is doubled: fast poles keep their
+/// digits. Source: van Loan (1978), "Computing integrals involving the matrix exponential"; Moler & van
+/// Loan (2003), "Nineteen dubious ways to compute the exponential of a matrix", methods 1 and 3.
 StateSpace discretise(const StateSpace& continuous, ProcessNoise noise, double step,
                       InputHold hold = InputHold::constant);
 
 /// d(discretise(model)) in the direction `by` (derivatives of the continuous-time matrices), exact:
-/// the derivative of a matrix exponential is a block of one twice the size. Step in s.
+/// the series' derivative term by term. Step in s.
 StateSpace discretise_derivative(const StateSpace& continuous, const StateSpace& by,
                                  ProcessNoise noise, double step,
                                  InputHold hold = InputHold::constant);
+
+/// Both at once, with the derivatives in several directions, which share what the model needs.
+/// @param derivatives  one of each of `by`, written; memory that is there is used
+void discretise(const StateSpace& continuous, const std::vector<StateSpace>& by, ProcessNoise noise,
+                double step, InputHold hold, StateSpace& out, std::vector<StateSpace>& derivatives);
 
 /// [u(t); u(t+1)], 2 nu x N, of u, nu x N. The last sample is its own next: no measurement comes
 /// after it.

@@ -143,11 +143,13 @@ std::vector<StateSpace> model_derivatives(const LinearModel& model,
   for (const EntryDerivative& by : entry_derivatives(parameters)) {
     StateSpace s;
     set_written_derivative(model, parameters, formulas, by, s);
-    if (model.continuous) {
-      s = discretise_derivative(written_matrices(model, parameters), s, model.noise, model.dt,
-                                model.hold);
-    }
     out.push_back(std::move(s));
+  }
+  if (model.continuous) {
+    const std::vector<StateSpace> written = std::move(out);
+    StateSpace ignored;
+    discretise(written_matrices(model, parameters), written, model.noise, model.dt, model.hold,
+               ignored, out);
   }
   if (model.initial == InitialState::partly_diffuse) {
     StateSpace now = instantiate(model, parameters);

@@ -66,11 +66,6 @@ MatrixXd covariance_of(const KnownMotion& motion, const std::vector<Entry>& entr
   return out;
 }
 
-bool moves_state(const StateSpace& derivative) {
-  return !(derivative.A.isZero(0.0) && derivative.B.isZero(0.0) && derivative.G.isZero(0.0) &&
-           derivative.Q.isZero(0.0));
-}
-
 }  // namespace
 
 struct SampledModel::Parts {
@@ -226,11 +221,8 @@ struct SampledModel::Parts {
   void take_interval(std::size_t interval, StateSpace& out, std::vector<StateSpace>* derivatives) {
     Interval& known = intervals[interval];
     if (motion_moves || !known.is_set) {
-      known.model = discretise(written, model.noise, steps[interval], model.hold);
-      known.derivatives.resize(by.size());
-      for (std::size_t i = 0; i < by.size(); ++i) {
-        known.derivatives[i] = discrete_derivative(known.model, i, steps[interval]);
-      }
+      discretise(written, written_derivatives, model.noise, steps[interval], model.hold,
+                 known.model, known.derivatives);
       known.is_set = true;
     }
     out = known.model;
@@ -240,14 +232,6 @@ struct SampledModel::Parts {
     for (std::size_t i = 0; i < by.size(); ++i) {
       set_measurement(written_derivatives[i], (*derivatives)[i]);
     }
-  }
-
-  StateSpace discrete_derivative(const StateSpace& sampled, std::size_t i, double step) const {
-    const StateSpace& d = written_derivatives[i];
-    if (moves_state(d)) return discretise_derivative(written, d, model.noise, step, model.hold);
-    StateSpace out = sampled;
-    for (MatrixXd* fixed : {&out.A, &out.B, &out.G, &out.Q, &out.S}) fixed->setZero();
-    return out;
   }
 
   // What no interval changes: C, D, R, the start, and S beside noise per sample.
