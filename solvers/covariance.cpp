@@ -1,5 +1,7 @@
 #include "solvers/covariance.h"
 
+#include <map>
+
 #include <Eigen/Eigenvalues>
 
 namespace identikal {
@@ -19,16 +21,49 @@ std::optional<Eigen::MatrixXd> scaled_inverse(const Eigen::Ref<const Eigen::Matr
   return half * half.transpose();
 }
 
+std::vector<std::vector<Eigen::Index>> moved_together(const std::vector<Eigen::Index>& owner) {
+  std::vector<std::vector<Eigen::Index>> out;
+  for (std::size_t i = 0; i < owner.size(); ++i) {
+    if (owner[i] < 0) out.push_back({static_cast<Eigen::Index>(i)});
+  }
+  const std::size_t first = out.size();
+  std::map<Eigen::Index, std::size_t> taken;  // of each owner
+  for (std::size_t i = 0; i < owner.size(); ++i) {
+    if (owner[i] < 0) continue;
+    const std::size_t turn = first + taken[owner[i]]++;
+    if (turn == out.size()) out.emplace_back();
+    out[turn].push_back(static_cast<Eigen::Index>(i));
+  }
+  return out;
+}
+
 std::optional<Eigen::MatrixXd> observed_information(
     const std::function<bool(const Eigen::VectorXd& x, Eigen::VectorXd& gradient)>& gradient,
-    const Eigen::VectorXd& x, const Eigen::VectorXd& step) {
+    const Eigen::VectorXd& x, const Eigen::VectorXd& step,
+    const std::vector<Eigen::Index>& owner_or_none) {
   const Eigen::Index n = x.size();
-  Eigen::MatrixXd H(n, n);
+  const std::vector<Eigen::Index> owner =
+      owner_or_none.empty() ? std::vector<Eigen::Index>(static_cast<std::size_t>(n), -1)
+                            : owner_or_none;
+  const auto owner_of = [&](Eigen::Index i) { return owner[static_cast<std::size_t>(i)]; };
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd above, below;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::VectorXd h = step[i] * Eigen::VectorXd::Unit(n, i);
+  for (const std::vector<Eigen::Index>& together : moved_together(owner)) {
+    Eigen::VectorXd h = Eigen::VectorXd::Zero(n);
+    for (const Eigen::Index i : together) h[i] = step[i];
     if (!gradient(x + h, above) || !gradient(x - h, below)) return std::nullopt;
-    H.col(i) = (below - above) / (2.0 * step[i]);
+    for (const Eigen::Index i : together) {
+      for (Eigen::Index k = 0; k < n; ++k) {
+        if (owner_of(i) >= 0 && owner_of(k) != owner_of(i)) continue;
+        H(k, i) = (below[k] - above[k]) / (2.0 * step[i]);
+      }
+    }
+  }
+  // What an owner's coordinates have in common with those of all was seen from there.
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index k = 0; k < n; ++k) {
+      if (owner_of(i) >= 0 && owner_of(k) < 0) H(k, i) = H(i, k);
+    }
   }
   return 0.5 * (H + H.transpose());
 }

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <optional>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -25,9 +26,15 @@ std::optional<Eigen::MatrixXd> scaled_inverse(const Eigen::Ref<const Eigen::Matr
 /// @param gradient  evaluates it at x; false = undefined there
 /// @param x         n
 /// @param step      n, > 0
+/// @param owner     n, or empty: coordinates of different owners have no second derivative in common,
+///   and are moved together, one of each owner at a time; -1: of all
 /// @return nothing when the gradient is undefined beside x.
 std::optional<Eigen::MatrixXd> observed_information(
     const std::function<bool(const Eigen::VectorXd& x, Eigen::VectorXd& gradient)>& gradient,
-    const Eigen::VectorXd& x, const Eigen::VectorXd& step);
+    const Eigen::VectorXd& x, const Eigen::VectorXd& step,
+    const std::vector<Eigen::Index>& owner = {});
+
+/// Coordinates that are moved together: each of no owner by itself, then one of each owner.
+std::vector<std::vector<Eigen::Index>> moved_together(const std::vector<Eigen::Index>& owner);
 
 }  // namespace identikal

@@ -14,6 +14,7 @@
 
 #include "solvers/curvature_correction.h"
 #include "solvers/internal/likelihood_start.h"
+#include "solvers/internal/solved_by_root.h"
 
 namespace identikal {
 namespace {
@@ -57,7 +58,11 @@ class ScaledSystem {
     for (Index i = 0; i < m; ++i) {
       for (Index j = 0; j < m; ++j) J(i, j) = information(free[i], free[j]) * scale_[i] * scale_[j];
     }
-    if (m > 0) eigen_.compute(J);
+    if (m > kManyUnknowns) {
+      J_ = J;
+    } else if (m > 0) {
+      eigen_.compute(J);
+    }
   }
 
   // (J + lambda diag J)^-1 g on the coordinates, zero elsewhere. Directions without information get
@@ -69,6 +74,16 @@ class ScaledSystem {
     if (m == 0) return step;
     VectorXd g(m);
     for (Index i = 0; i < m; ++i) g[i] = gradient[free_[i]] * scale_[i];
+    if (J_.size() > 0) {
+      MatrixXd damped = J_;
+      damped.diagonal().array() += lambda;
+      if (const auto d = solved_by_root(damped, g)) {
+        for (Index i = 0; i < m; ++i) step[free_[i]] = scale_[i] * (*d)[i];
+        return step;
+      }
+      if (!has_axes_) eigen_.compute(J_);
+      has_axes_ = true;
+    }
     const double floor = least * std::max(1e-300, eigen_.eigenvalues().maxCoeff());
     VectorXd rotated = eigen_.eigenvectors().transpose() * g;
     for (Index i = 0; i < m; ++i) {
@@ -90,7 +105,9 @@ class ScaledSystem {
   Index size_;
   std::vector<Index> free_;
   VectorXd scale_;
-  Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
+  MatrixXd J_;  // of many unknowns, whose eigenvectors take long
+  mutable Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
+  mutable bool has_axes_ = false;
 };
 
 constexpr double kFarther = 1e6;  // times itself

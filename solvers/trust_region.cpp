@@ -7,6 +7,8 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "solvers/internal/solved_by_root.h"
+
 namespace identikal {
 namespace {
 
@@ -133,15 +135,20 @@ class TrustRegion {
     M.diagonal() += lambda * VectorXd(D(free)).cwiseAbs2();
     VectorXd by = M.diagonal().cwiseMax(0.0).cwiseSqrt();
     by = (by.array() > 0.0).select(by.cwiseInverse(), 0.0);
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(by.asDiagonal() * M * by.asDiagonal());
-    VectorXd along =
-        axes.eigenvectors().transpose() * VectorXd(-by.cwiseProduct(VectorXd(at.slope(free))));
+    const MatrixXd scaled = by.asDiagonal() * M * by.asDiagonal();
+    const VectorXd downhill = -by.cwiseProduct(VectorXd(at.slope(free)));
+    VectorXd out = VectorXd::Zero(at.x.size());
+    if (const auto step = solved_by_root(scaled, downhill)) {
+      out(free) = by.cwiseProduct(*step);
+      return out;
+    }
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(scaled);
+    VectorXd along = axes.eigenvectors().transpose() * downhill;
     const double floor = kNoCurvature * std::max(1e-300, axes.eigenvalues().maxCoeff());
     for (Index i = 0; i < along.size(); ++i) {
       const double value = axes.eigenvalues()[i];
       along[i] = value > floor ? along[i] / value : 0.0;
     }
-    VectorXd out = VectorXd::Zero(at.x.size());
     out(free) = by.cwiseProduct(VectorXd(axes.eigenvectors() * along));
     return out;
   }

@@ -148,11 +148,7 @@ class Placing {
   }
 
   bool is_of_population(const Parameter& of) const {
-    const std::vector<RecordingTable::Own>& own = model_.recordings.own;
-    return std::any_of(own.begin(), own.end(), [&](const RecordingTable::Own& each) {
-      return each.spread >= 0 &&
-             model_.parameters[static_cast<std::size_t>(each.parameter)].name == of.name;
-    });
+    return is_drawn(model_, find_parameter(model_.parameters, of.name));
   }
 
   // What no recording takes any more stands for nothing.
@@ -213,6 +209,13 @@ bool has_population(const Model& model) {
   return std::any_of(own.begin(), own.end(), [](const auto& each) { return each.spread >= 0; });
 }
 
+bool is_drawn(const Model& model, int parameter) {
+  const std::vector<RecordingTable::Own>& own = model.recordings.own;
+  return std::any_of(own.begin(), own.end(), [&](const auto& each) {
+    return each.spread >= 0 && each.parameter == parameter;
+  });
+}
+
 bool has_own_values(const Model& model, int parameter) {
   const RecordingTable& table = model.recordings;
   const auto owns = [&](const auto& own) { return own.parameter == parameter; };
@@ -266,6 +269,29 @@ Model model_in(const Model& model, const Dataset& recording) {
   if (changes(out) && !changes(noise_model(out)) && !as_formulas(out).irregular) {
     LinearModel constant = noise_model(out);
     out.form = std::move(constant);
+  }
+  return out;
+}
+
+std::vector<Index> owners_of_entries(const Model& model, const std::vector<Dataset>& recordings,
+                                     const std::vector<Index>& unit) {
+  constexpr Index kNobody = -2;
+  const ParameterSet& parameters = model.parameters;
+  std::vector<Index> of_parameter(parameters.size(), -1);
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    if (parameters[i].scope == Scope::recording) of_parameter[i] = kNobody;
+  }
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Index own_unit = unit.empty() ? static_cast<Index>(r) : unit[r];
+    for (const OwnParameter& own : recordings[r].own) {
+      Index& of = of_parameter[static_cast<std::size_t>(own.source)];
+      if (of == kNobody) of = own_unit;
+      if (of != own_unit) of = -1;
+    }
+  }
+  std::vector<Index> out;
+  for (const EntryDerivative& entry : entry_derivatives(parameters)) {
+    out.push_back(std::max<Index>(-1, of_parameter[static_cast<std::size_t>(entry.parameter)]));
   }
   return out;
 }

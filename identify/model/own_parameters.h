@@ -40,6 +40,9 @@ bool varies_by_logarithm(const Parameter& parameter);
 /// Is there a parameter whose values in recordings are draws of a population?
 bool has_population(const Model& model);
 
+/// Are this one's values such draws?
+bool is_drawn(const Model& model, int parameter);
+
 /// Could NAME be a parameter that for_recordings() adds, and of which one is it a value? -1: no.
 int own_parameter_named(const Model& model, const std::string& name);
 
@@ -55,6 +58,12 @@ Model model_in(const Model& model, const Dataset& recording);
 
 /// Of each parameter of model_in(), the place in the joint model of the one whose value it has.
 std::vector<int> sources_in(const ParameterSet& joint, const Dataset& recording);
+
+/// Of each free entry of the joint model the unit in whose recordings alone it has a say, -1: in
+/// those of several. @param unit  of each recording; empty: each is one
+std::vector<Eigen::Index> owners_of_entries(const Model& model,
+                                            const std::vector<Dataset>& recordings,
+                                            const std::vector<Eigen::Index>& unit = {});
 
 /// Which free entry of the joint model each free entry of model_in() is.
 std::vector<Eigen::Index> joint_entries(const Model& model, const Dataset& recording);

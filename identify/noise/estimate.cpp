@@ -12,6 +12,7 @@
 #include "identify/filter/outliers.h"
 #include "identify/filter/recordings_check.h"
 #include "identify/filter/report.h"
+#include "identify/model/own_parameters.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/model/row_order.h"
 #include "identify/noise/internal/outlier_effect.h"
@@ -320,6 +321,23 @@ void report_criteria(Objective& objective, double unknowns, const Model& model,
   objective.bic_values = unknowns * std::log(values) - 2.0 * L;
 }
 
+// p values that are fitted to n rows alone leave correlations of about -p/n between neighbouring
+// residuals where what they do changes slowly; among many short recordings a test sees that. As a share
+// of the variance, of as many lags as the test has.
+double colour_of_own_values(const Model& model, const std::vector<Dataset>& recordings) {
+  constexpr double kLags = 20.0;
+  double values = 0.0, rows = 0.0;
+  for (const Dataset& recording : recordings) {
+    rows += static_cast<double>(recording.size());
+    for (const OwnParameter& own : recording.own) {
+      const bool drawn = is_drawn(model, own.parameter);
+      if (drawn || !model.parameters[static_cast<std::size_t>(own.source)].fixed) values += 1.0;
+    }
+  }
+  const double share = rows > 0.0 ? values / rows : 0.0;
+  return kLags * share * share;
+}
+
 // Cliffs of a likelihood are why a search ends short of its maximum.
 void blame_cliffs(Findings& findings) {
   const bool short_of = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
@@ -353,7 +371,9 @@ void report_noise_estimate(NoiseEstimate& estimate, const Model& model, const Pa
   append(estimate.findings, check_length(objective.samples, k, estimate.covariance_freedom));
   report_criteria(objective, k, model, end, recordings);
   const bool ordered = !rows_have_no_order(model, end);
-  append(estimate.findings, ordered ? check_innovations(estimate) : check_residuals(estimate));
+  append(estimate.findings,
+         ordered ? check_innovations(estimate, colour_of_own_values(model, recordings))
+                 : check_residuals(estimate));
   if (white) append(estimate.findings, check_tails(estimate));
   if (white && ordered) {
     append(estimate.findings, check_sampling(estimate, model, end, recordings));
@@ -394,9 +414,11 @@ constexpr double kPracticalShare = 0.02;
 // Beyond doubt, less counts: noise that integrates shows little of what moves it.
 constexpr double kBeyondDoubt = 1e-3, kSmallestShare = 0.005;
 
-Severity severity_of(const TestResult& test) {
-  const bool certain = test.p < kBeyondDoubt && test.share > kSmallestShare;
-  return test.share > kPracticalShare || certain ? Severity::serious : Severity::warning;
+// @param of_own_values  what recordings' own values leave of colour, as a share
+Severity severity_of(const TestResult& test, double of_own_values) {
+  const double share = test.share - of_own_values;
+  const bool certain = test.p < kBeyondDoubt && share > kSmallestShare;
+  return share > kPracticalShare || certain ? Severity::serious : Severity::warning;
 }
 
 std::string size_of(const TestResult& test, const std::string& by) {
@@ -407,9 +429,9 @@ std::string size_of(const TestResult& test, const std::string& by) {
       by, 100.0 * test.share, 100.0 * test.share / std::max(1e-3, 1.0 - test.share));
 }
 
-Finding input_finding(const TestResult& test) {
+Finding input_finding(const TestResult& test, double of_own_values) {
   return {FindingCode::input_in_innovations,
-          severity_of(test),
+          severity_of(test, of_own_values),
           {test.channel},
           fmt::format("the innovations of '{}' follow earlier inputs (p = {:.2g}){}: what the "
                       "inputs do is not all in the model",
@@ -449,9 +471,10 @@ double independent_errors(const FilterEstimate& estimate, const std::string& cha
   return independent_samples(estimate.series.standardised.row(at).transpose());
 }
 
-Finding colour_finding(const TestResult& test, bool has_errors, bool can_shape) {
+Finding colour_finding(const TestResult& test, bool has_errors, bool can_shape,
+                       double of_own_values) {
   return {FindingCode::coloured_innovations,
-          severity_of(test),
+          severity_of(test, of_own_values),
           {test.channel},
           fmt::format("the innovations of '{}' are not white (Ljung-Box p = {:.2g}){}: the model "
                       "misses dynamics or coloured noise{}",
@@ -465,7 +488,7 @@ Finding colour_finding(const TestResult& test, bool has_errors, bool can_shape) 
 
 }  // namespace
 
-Findings check_innovations(const FilterEstimate& estimate) {
+Findings check_innovations(const FilterEstimate& estimate, double of_own_values) {
   Findings out;
   // It takes linear models.
   const bool can_shape =
@@ -476,12 +499,12 @@ Findings check_innovations(const FilterEstimate& estimate) {
                   [](const EstimatedParameter& p) { return !p.fixed && std::isfinite(p.se); });
   for (const TestResult& test : estimate.tests) {
     if (test.pass) continue;
-    if (test.id == "input_correlation") out.push_back(input_finding(test));
+    if (test.id == "input_correlation") out.push_back(input_finding(test, of_own_values));
     if (test.id == "ljung_box" && simulation) {
       out.push_back(coloured_simulation(test, independent_errors(estimate, test.channel)));
     }
     if (test.id == "ljung_box" && !simulation)
-      out.push_back(colour_finding(test, has_errors, can_shape));
+      out.push_back(colour_finding(test, has_errors, can_shape, of_own_values));
   }
   return out;
 }

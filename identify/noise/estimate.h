@@ -63,6 +63,9 @@ void report_digest_estimate(NoiseEstimate& estimate, const Model& model, const P
 ///
 ///     const Findings left = check_innovations(estimate);
 ///     for (const Finding& finding : left) std::puts(finding.text.c_str());
-Findings check_innovations(const FilterEstimate& estimate);
+///
+/// @param of_own_values  the share of variance that colour may have by values fitted to single
+///   recordings
+Findings check_innovations(const FilterEstimate& estimate, double of_own_values = 0.0);
 
 }  // namespace identikal

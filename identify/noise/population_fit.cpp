@@ -101,28 +101,15 @@ std::vector<Index> first_coordinates(const ParameterSet& parameters) {
   return out;
 }
 
-// Of each coordinate the unit in whose recordings alone it has a say, -1: of several.
+// Of each recording.
 std::vector<Index> units_of(const Population& population, const RecordingsLikelihood& likelihood) {
-  constexpr Index kNobody = -2;
-  const ParameterSet& parameters = likelihood.model().parameters;
-  std::vector<Index> of_parameter(parameters.size(), -1);
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (parameters[i].scope == Scope::recording) of_parameter[i] = kNobody;
-  }
   const VaryingParameter& first = population.parameters.front();
-  for (const Dataset& recording : likelihood.recordings()) {
-    const int value = sources_in(parameters, recording)[static_cast<std::size_t>(first.mean)];
-    const Index unit =
-        std::find(first.values.begin(), first.values.end(), value) - first.values.begin();
-    for (const OwnParameter& own : recording.own) {
-      Index& of = of_parameter[static_cast<std::size_t>(own.source)];
-      if (of == kNobody) of = unit;
-      if (of != unit) of = -1;
-    }
-  }
   std::vector<Index> out;
-  for (const EntryDerivative& entry : entry_derivatives(parameters)) {
-    out.push_back(std::max<Index>(-1, of_parameter[static_cast<std::size_t>(entry.parameter)]));
+  for (const Dataset& recording : likelihood.recordings()) {
+    const int value =
+        sources_in(likelihood.model().parameters, recording)[static_cast<std::size_t>(first.mean)];
+    out.push_back(std::find(first.values.begin(), first.values.end(), value) -
+                  first.values.begin());
   }
   return out;
 }
@@ -145,11 +132,12 @@ MixedEffectsProblem problem_of(const Population& population, RecordingsLikelihoo
       is_shared[static_cast<std::size_t>(place)] = false;
     }
   }
-  const std::vector<Index> unit = units_of(population, likelihood);
+  const std::vector<Index> owner = owners_of_entries(likelihood.model(), likelihood.recordings(),
+                                                     units_of(population, likelihood));
   for (std::size_t e = 0; e < is_shared.size(); ++e) {
     if (!is_shared[e]) continue;
     out.shared.push_back(static_cast<Index>(e));
-    out.unit_of_shared.push_back(unit[e]);
+    out.unit_of_shared.push_back(owner[e]);
   }
   return out;
 }

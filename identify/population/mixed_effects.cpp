@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <optional>
 #include <stdexcept>
 
@@ -158,8 +157,9 @@ class Marginal {
         U_(problem.effects.cols()),
         spread_(start.spread, problem.correlated),
         unit_of_shared_(problem.unit_of_shared),
-        turns_(turns_of(problem)),
-        Z_(MatrixXd::Zero(q_, U_)) {}
+        Z_(MatrixXd::Zero(q_, U_)) {
+    if (unit_of_shared_.empty()) unit_of_shared_.assign(problem.shared.size(), -1);
+  }
 
   Index size() const { return p_ + q_ + spread_.size(); }
   const Spread& spread() const { return spread_; }
@@ -207,25 +207,6 @@ class Marginal {
   }
 
  private:
-  // Shared coordinates whose data have no unit in common are moved together.
-  static std::vector<std::vector<Index>> turns_of(const MixedEffectsProblem& problem) {
-    std::vector<std::vector<Index>> out;
-    std::map<Index, std::size_t> of_unit;  // turns that hold one of its coordinates
-    for (std::size_t k = 0; k < problem.shared.size(); ++k) {
-      if (!problem.unit_of_shared.empty() && problem.unit_of_shared[k] >= 0) continue;
-      out.push_back({static_cast<Index>(k)});
-    }
-    const std::size_t first = out.size();
-    for (std::size_t k = 0; k < problem.unit_of_shared.size(); ++k) {
-      const Index unit = problem.unit_of_shared[k];
-      if (unit < 0) continue;
-      const std::size_t turn = first + of_unit[unit]++;
-      if (turn == out.size()) out.emplace_back();
-      out[turn].push_back(static_cast<Index>(k));
-    }
-    return out;
-  }
-
   MatrixXd effects_at(const MatrixXd& Z) const { return (L_ * Z).colwise() + mu_; }
 
   bool data_at(const VectorXd& theta, const MatrixXd& B, DataDerivatives& out) {
@@ -372,9 +353,7 @@ class Marginal {
     return true;
   }
 
-  Index unit_of(Index k) const {
-    return unit_of_shared_.empty() ? -1 : unit_of_shared_[static_cast<std::size_t>(k)];
-  }
+  Index unit_of(Index k) const { return unit_of_shared_[static_cast<std::size_t>(k)]; }
 
   bool along_effect(Index j, Along& out) {
     MatrixXd above = effects(), below = above;
@@ -393,7 +372,7 @@ class Marginal {
   bool take_gradient(VectorXd& out) {
     std::vector<Along> by_shared(static_cast<std::size_t>(p_)),
         by_effect(static_cast<std::size_t>(q_));
-    for (const std::vector<Index>& turn : turns_) {
+    for (const std::vector<Index>& turn : moved_together(unit_of_shared_)) {
       if (!along_shared(turn, by_shared)) return false;
     }
     for (Index j = 0; j < q_; ++j) {
@@ -455,7 +434,6 @@ class Marginal {
   Index p_, q_, U_;
   Spread spread_;
   std::vector<Index> unit_of_shared_;
-  std::vector<std::vector<Index>> turns_;
   MatrixXd Z_;  // of the last point: where the next search begins
   VectorXd theta_, mu_, c_;
   MatrixXd L_;

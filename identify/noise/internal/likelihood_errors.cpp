@@ -46,7 +46,13 @@ std::optional<MatrixXd> observed(RecordingsLikelihood& likelihood, const Likelih
     g = free.jacobian(t).transpose() * there->gradient;
     return true;
   };
-  return observed_information(gradient_at, VectorXd::Zero(free.size()), step);
+  const std::vector<Index> owners = owners_of_entries(likelihood.model(), likelihood.recordings());
+  std::vector<Index> owner;
+  for (Index j = 0; j < free.size(); ++j) {
+    const Index entry = free.number(j);
+    owner.push_back(entry < 0 ? -1 : owners[static_cast<std::size_t>(entry)]);
+  }
+  return observed_information(gradient_at, VectorXd::Zero(free.size()), step, owner);
 }
 
 // JudgedMaximum::excess where every direction is a number of its own.

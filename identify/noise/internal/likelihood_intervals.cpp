@@ -196,10 +196,20 @@ bool by_sums(const ProfiledMaximum& at) {
   return at.likelihood.evaluation_taken().method == EvaluationMethod::autocovariances;
 }
 
+// Of recordings' own values, of which there may be hundreds, each would be a search over all others.
+bool is_one_of_many(const ProfiledParameter& parameter, const ProfiledMaximum& at) {
+  constexpr Index kMany = 40;
+  if (at.best.x.size() <= kMany) return false;
+  const ParameterSet& all = at.likelihood.model().parameters;
+  const int of = entry_derivatives(all)[static_cast<std::size_t>(parameter.entry)].parameter;
+  return all[static_cast<std::size_t>(of)].scope == Scope::recording;
+}
+
 // Where an evaluation takes long, only for errors that are large beside the value.
 bool is_worth_it(const ProfiledParameter& parameter, const ProfiledMaximum& at) {
   constexpr Index kDear = 20000;  // samples
   constexpr double kLarge = 0.1;
+  if (is_one_of_many(parameter, at)) return false;
   return by_sums(at) || at.samples <= kDear || relative_error(*parameter.reported) > kLarge;
 }
 
