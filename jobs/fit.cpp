@@ -8,6 +8,7 @@
 #include "jobs/verbs.h"
 #include <fmt/format.h>
 
+#include "identify/model/own_parameters.h"
 #include "identify/model/simulation_model.h"
 #include "identify/noise/curved_motion.h"
 #include "identify/noise/steps_ahead.h"
@@ -155,6 +156,11 @@ Outcome fit(const FitOptions& options, Call& call) {
                      fmt::format("--errors does not apply to {}",
                                  simulation ? "--objective simulation" : "a vehicle"),
                      "a model whose errors one step ahead are white");
+  }
+  const bool one_step = options.objective.empty() || options.objective == "one-step";
+  if (!one_step && has_population(model)) {
+    throw InputError({model.source, 0, 0}, "a spread with --objective " + options.objective,
+                     "errors one sample ahead");
   }
   const bool coloured = simulation || steps_in(options.objective) > 1;
   if (coloured && (options.reject_outliers || options.robust)) {

@@ -30,7 +30,7 @@ namespace identikal {
 namespace {
 
 const std::vector<std::string> kCommonKeys = {
-    "identikal", "name",     "model",     "time",    "parameters", "inputs",     "outputs",
+    "identikal", "name",     "model",     "time",    "parameters", "inputs",  "outputs",
     "noise",     "use_when", "reference", "include", "recordings", "spreads", "constraints"};
 const std::vector<std::string> kLinearKeys = {"A", "B", "C", "D", "G", "Q", "R", "S", "initial"};
 const std::vector<std::string> kVehicleKeys = {"driven_axle", "flags",   "load_transfer", "max_gap",

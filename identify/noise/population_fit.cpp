@@ -377,6 +377,10 @@ NoiseEstimate fit_population(const Model& given, const std::vector<Dataset>& rec
   if (options.objective != FitObjective::one_step) {
     refuse(given, "a spread with --objective simulation", "errors one sample ahead");
   }
+  if (options.starts > 1) {
+    refuse(given, fmt::format("{} starts with a spread", options.starts),
+           "one, which begins at the values of the model file");
+  }
   Model model = checked(given, recordings);
   model.parameters = started_within_priors(model.parameters);
   check_recordings(model, recordings);

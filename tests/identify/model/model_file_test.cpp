@@ -53,7 +53,7 @@ outputs: {r: {column: 3, unit: deg/s}, vy: {column: vy}}
 
 const std::string kTopKeys =
     "identikal, name, model, time, parameters, inputs, outputs, noise, use_when, reference, "
-    "include, recordings, constraints, A, B, C, "
+    "include, recordings, spreads, constraints, A, B, C, "
     "D, G, Q, "
     "R, S, initial, driven_axle, flags, load_transfer, max_gap, roll, sensors, tyre, regression, "
     "states, let, "
@@ -600,7 +600,7 @@ constexpr Mistake kLinearMistakes[] = {
      "5:24: prior of parameter 'q' has 2 forms; expected one"},
     {"{value: 2, min: 0}", "{value: 2, mim: 3}",
      "5:17: unknown key 'mim' in parameter 'q'; expected one of value, min, max, fixed, unit, "
-     "role, prior, per, scale; did you mean 'min'?"},
+     "role, prior, per, spread, scale; did you mean 'min'?"},
     {"{value: 2, min: 0}", "{value: 2, fixed: yes}",
      "5:24: fixed is 'yes'; expected one of true, false"},
     {"{value: 2, min: 0}", "{value: 2, role: noise}",
