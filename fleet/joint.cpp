@@ -232,8 +232,15 @@ Outcome joint(const JointOptions& options, const Verb& fit, Call& call) {
   if (options.engine == "mpi" && options.workers > 0) {
     throw InputError({}, "--workers does not apply to --engine mpi", "mpirun -n N");
   }
-  const std::vector<JointRecording> recordings =
-      RecordingNames(options, call.inputs).of(read_manifests(options.manifests));
+  std::vector<JointRecording> recordings;
+  try {
+    recordings = RecordingNames(options, call.inputs).of(read_manifests(options.manifests));
+  } catch (const InputError&) {
+    if (options.engine != "mpi" || rank_by_environment() == 0) throw;
+    Outcome out;
+    out.exit_code = 2;  // rank 0 says why
+    return out;
+  }
   const auto data = std::find_if(fit.options.begin(), fit.options.end(),
                                  [](const Option& option) { return option.names == "DATA"; });
   for (const JointRecording& recording : recordings) {

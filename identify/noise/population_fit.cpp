@@ -15,8 +15,10 @@
 #include "identify/model/own_parameters.h"
 #include "identify/model/parameter_prior.h"
 #include "identify/noise/estimate.h"
+#include "identify/noise/internal/several_starts.h"
 #include "identify/population/mixed_effects.h"
 #include "lib/base/error.h"
+#include "lib/base/random.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -27,6 +29,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int kMostRefinements = 4;  // of the integration, each with a search of its own
+constexpr int kDefaultStarts = 4;
+constexpr double kLarge = 10000.0;  // samples: half as many starts
 constexpr double kFalseDiscoveries = 0.05;
 constexpr double kHalfWidth = 1.959963984540054;  // of a normal 95 % interval
 
@@ -355,17 +359,87 @@ ParameterSet with_values_of(ParameterSet parameters, const ParameterSet& values)
   return parameters;
 }
 
-MixedEffects search(const Population& population, RecordingsLikelihood& likelihood,
-                    const ParameterSet& from, const NoiseMlOptions& options, int& evaluations) {
+// Another place to begin at: what cannot be negative by factors, other numbers by halves of themselves.
+MixedEffectsStart scattered(MixedEffectsStart from, const MixedEffectsProblem& problem,
+                            Random& random) {
+  const VectorXd lower = problem.data.lower(problem.shared),
+                 upper = problem.data.upper(problem.shared);
+  for (Index k = 0; k < from.shared.size(); ++k) {
+    double& x = from.shared[k];
+    x = lower[k] >= 0.0 ? x * std::exp(random.normal()) : x * (1.0 + 0.5 * random.normal());
+    x = std::clamp(x, lower[k], upper[k]);
+  }
+  for (Index j = 0; j < from.mean.size(); ++j) {
+    const bool logarithmic = problem.logarithmic[static_cast<std::size_t>(j)];
+    from.mean[j] += random.normal() * (logarithmic ? 1.0 : 0.5 * std::abs(from.mean[j]));
+  }
+  return from;
+}
+
+MixedEffectsStart start_at(const MixedEffects& found, const MixedEffectsProblem& problem,
+                           MixedEffectsStart out) {
+  constexpr double kLeast = 1e-3;  // of where the spread began: one of zero may be left again
+  out.shared = found.x(problem.shared);
+  for (Index j = 0; j < out.mean.size(); ++j) {
+    const auto effect = static_cast<std::size_t>(j);
+    out.mean[j] = found.mean[effect].value;
+    out.spread[j] = std::max(found.spread[effect].value, kLeast * out.spread[j]);
+  }
+  return out;
+}
+
+struct Searched {
+  MixedEffects best;
+  SeveralStarts all;
+};
+
+// From the values given, and from scattered ones; the best once more, with its errors.
+Searched search(const Population& population, RecordingsLikelihood& likelihood,
+                const ParameterSet& from, int starts, const NoiseMlOptions& options) {
+  constexpr double kSame = 1e-3;  // nats
   SolverOptions solver;
   if (options.iterations > 0) solver.max_iterations = options.iterations;
   solver.decrement_tolerance = 1e-7;
-  if (options.progress) {
-    solver.progress = [&](int iteration, double L) { return options.progress(1, iteration, L); };
-  }
   const MixedEffectsProblem problem = problem_of(population, likelihood);
-  MixedEffects out = maximise_marginal(problem, start_of(population, problem, from), solver);
-  evaluations += out.summary.evaluations;
+  const MixedEffectsStart first = start_of(population, problem, from);
+  Random random(options.seed);
+  Searched out;
+  std::vector<bool> usable;
+  for (int s = 0; s < starts; ++s) {
+    if (options.progress) {
+      solver.progress = [&](int iteration, double L) {
+        return options.progress(s + 1, iteration, L);
+      };
+    }
+    MixedEffects one = maximise_marginal(
+        problem, s == 0 ? first : scattered(first, problem, random), solver, starts == 1);
+    out.all.evaluations += one.summary.evaluations;
+    out.all.iterations += one.summary.iterations;
+    if (s == 0) out.all.start_value = one.summary.initial_objective;
+    if (one.x.size() == 0) {
+      ++out.all.undefined;
+      continue;
+    }
+    const double L = one.summary.objective;
+    out.all.log_likelihood.push_back(L);
+    usable.push_back(one.summary.usable());
+    const bool better =
+        out.best.x.size() == 0 || L > out.best.summary.objective + kSame ||
+        (usable.back() && !out.best.summary.usable() && L > out.best.summary.objective - kSame);
+    if (better) out.best = std::move(one);
+    if (out.best.summary.termination == Termination::stopped) break;
+  }
+  if (starts > 1 && out.best.summary.usable()) {
+    out.best = maximise_marginal(problem, start_at(out.best, problem, first), solver);
+    out.all.evaluations += out.best.summary.evaluations;
+  }
+  out.all.best.summary = out.best.summary;
+  for (std::size_t s = 0; s < usable.size(); ++s) {
+    const bool same = out.all.log_likelihood[s] > out.best.summary.objective - kSame;
+    out.all.ends.push_back(same        ? SearchEnd::best
+                           : usable[s] ? SearchEnd::maximum
+                                       : SearchEnd::short_of);
+  }
   return out;
 }
 
@@ -376,10 +450,6 @@ NoiseEstimate fit_population(const Model& given, const std::vector<Dataset>& rec
   refuse_constraints(given, "a population");
   if (options.objective != FitObjective::one_step) {
     refuse(given, "a spread with --objective simulation", "errors one sample ahead");
-  }
-  if (options.starts > 1) {
-    refuse(given, fmt::format("{} starts with a spread", options.starts),
-           "one, which begins at the values of the model file");
   }
   Model model = checked(given, recordings);
   model.parameters = started_within_priors(model.parameters);
@@ -396,18 +466,23 @@ NoiseEstimate fit_population(const Model& given, const std::vector<Dataset>& rec
   estimate.model_name = model.name;
   estimate.objective.method = "ml";
   Objective& objective = estimate.objective;
-  MixedEffects found =
-      search(population, likelihood, model.parameters, options, objective.evaluations);
+  const bool is_large = likelihood.samples() > kLarge;
+  const int starts = options.starts > 0 ? options.starts : is_large ? 2 : kDefaultStarts;
+  auto [found, all] = search(population, likelihood, model.parameters, starts, options);
   const MixedEffectsProblem problem = problem_of(population, likelihood);
   if (found.x.size() == 0) refuse_filter(model, recordings, FilterStatus::indefinite);
-  objective.log_likelihood_start = found.summary.initial_objective;
+  objective.log_likelihood_start = all.start_value;
+  objective.evaluations = all.evaluations;
+  objective.iterations = all.iterations;
+  objective.starts = static_cast<int>(all.ends.size());
+  objective.starts_at_optimum = all.count(SearchEnd::best);
   ParameterSet end = end_of(population, found, problem, model.parameters);
   for (int i = 0; i < kMostRefinements && found.summary.usable() && likelihood.refine(end); ++i) {
-    found = search(population, likelihood, end, options, objective.evaluations);
+    Searched finer = search(population, likelihood, end, 1, options);
+    found = std::move(finer.best);
+    objective.evaluations += finer.all.evaluations;
     end = end_of(population, found, problem, model.parameters);
   }
-  objective.iterations = found.summary.iterations;
-  objective.starts = objective.starts_at_optimum = 1;
   Report report(estimate, model, population, problem, found, end);
   report.shared();
   // To the tests of innovations each recording's own values are numbers like others.
@@ -417,6 +492,9 @@ NoiseEstimate fit_population(const Model& given, const std::vector<Dataset>& rec
   report.varying();
   if (!found.summary.usable()) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.summary));
+  if (found.summary.termination != Termination::stopped) {
+    append(estimate.findings, check_starts(all));
+  }
   objective.log_likelihood = found.summary.objective;
   const std::size_t q = population.parameters.size();
   const std::size_t of_spread = problem.correlated ? q * (q + 1) / 2 : q;

@@ -25,7 +25,7 @@ namespace identikal {
 ///     for (const EstimatedParameter& p : all.parameters) std::puts(p.name.c_str());
 ///
 /// @throws InputError for spreads by different labels, a recording with a number of its own for such a
-///   parameter, fewer than three recordings or labels, several starts, and an objective other than one step
+///   parameter, fewer than three recordings or labels, and an objective other than one step
 NoiseEstimate fit_population(const Model& model, const std::vector<Dataset>& recordings,
                              const NoiseMlOptions& options = {});
 

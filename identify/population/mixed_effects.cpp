@@ -616,7 +616,7 @@ void take_units(const Marginal& marginal, const MatrixXd& covariance, MixedEffec
 }  // namespace
 
 MixedEffects maximise_marginal(const MixedEffectsProblem& problem, const MixedEffectsStart& start,
-                               const SolverOptions& options) {
+                               const SolverOptions& options, bool with_errors) {
   check(problem, start);
   Marginal marginal(problem, start);
   const Index p = start.shared.size(), q = start.mean.size(), U = problem.effects.cols();
@@ -629,7 +629,8 @@ MixedEffects maximise_marginal(const MixedEffectsProblem& problem, const MixedEf
   const MatrixXd L = marginal.spread().root(found.x.tail(marginal.spread().size()));
   out.Omega = L * L.transpose();
   MatrixXd covariance;
-  if (found.summary.usable()) covariance = covariance_of(marginal, found.x, out.observed);
+  if (with_errors && found.summary.usable())
+    covariance = covariance_of(marginal, found.x, out.observed);
   VectorXd se;
   if (covariance.size() > 0) {
     const MatrixXd T = by_deviations(marginal, found.x, p, q);

@@ -72,9 +72,10 @@ struct MixedEffects {
 ///     const MixedEffects all = maximise_marginal(units, {one, one, one});
 ///     std::printf("%g, between units %g\n", all.mean[0].value, all.spread[0].value);
 ///
+/// @param with_errors  false: of one search among several
 /// @throws std::invalid_argument for sizes that disagree, fewer than two units, or a spread that is
 ///   not positive
 MixedEffects maximise_marginal(const MixedEffectsProblem& problem, const MixedEffectsStart& start,
-                               const SolverOptions& options = {});
+                               const SolverOptions& options = {}, bool with_errors = true);
 
 }  // namespace identikal

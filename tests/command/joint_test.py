@@ -184,7 +184,6 @@ class Joint(unittest.TestCase):
         self.folder.write("none.csv", "recording\ncup0.csv\ncup1.csv\n")
         self.assertIn("has no group", run("fleet", "joint", "cooling.yaml", "none.csv", code=2).stderr)
         self.assertIn("with --objective simulation", run("fit", "cooling.yaml", "cup0.csv", "cup1.csv", "cup2.csv", "--objective", "simulation", code=2).stderr)
-        self.assertIn("3 starts with a spread", run("fleet", "joint", "cooling.yaml", "cups.csv", "--starts", "3", code=2).stderr)
         self.assertIn("--workers does not apply", run("fleet", "joint", "cooling.yaml", "cups.csv", "--engine", "mpi", "--workers", "2", code=2).stderr)
 
 
