@@ -572,7 +572,7 @@ MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
 
 bool RecordingsLikelihood::is_cheap() const {
   if (team_ != nullptr) return true;  // its processes are what threads would be
-  constexpr double kFew = 4000.0;  // products of the recursion's matrices by a vector
+  constexpr double kFew = 4000.0;     // products of the recursion's matrices by a vector
   if (evaluation_taken().method == EvaluationMethod::autocovariances) return true;
   if (!is_linear(model_)) return false;
   const auto size = static_cast<double>(noise_model(model_).A.constant.rows() + 1);
