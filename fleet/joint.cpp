@@ -118,7 +118,7 @@ class RecordingNames {
 };
 
 // Rank 0 of a team, whose others are these.
-std::shared_ptr<const LikelihoodTeam> team_of(const Workers& workers) {
+LikelihoodTeam team_of(const Workers& workers) {
   struct State {
     Workers workers;
     std::vector<FrameReader> frames;
@@ -129,13 +129,13 @@ std::shared_ptr<const LikelihoodTeam> team_of(const Workers& workers) {
   for (int i = 0; i < workers.count; ++i) {
     workers.send(i, frame_of(fmt::format("{} {}", i + 1, workers.count + 1)));
   }
-  const auto out = std::make_shared<LikelihoodTeam>();
-  out->size = workers.count + 1;
-  out->tell = [state](const std::string& bytes) {
+  LikelihoodTeam out;
+  out.size = workers.count + 1;
+  out.tell = [state](const std::string& bytes) {
     const std::string frame = frame_of(std::string_view(bytes));
     for (int i = 0; i < state->workers.count; ++i) state->workers.send(i, frame);
   };
-  out->answers = [state] {
+  out.answers = [state] {
     std::vector<std::optional<std::string>> got(state->frames.size());
     const auto missing = [&] {
       return std::any_of(got.begin(), got.end(), [](const auto& one) { return !one; });
@@ -152,9 +152,9 @@ std::shared_ptr<const LikelihoodTeam> team_of(const Workers& workers) {
                                                : "a process of the joint fit has ended");
       }
     }
-    std::vector<std::string> out;
-    for (auto& one : got) out.push_back(std::move(*one));
-    return out;
+    std::vector<std::string> all;
+    for (auto& one : got) all.push_back(std::move(*one));
+    return all;
   };
   return out;
 }
@@ -163,20 +163,20 @@ std::shared_ptr<const LikelihoodTeam> team_of(const Workers& workers) {
 void work_with(const Verb& fit, Call call, const Connection& connection) {
   const std::optional<std::string> first = connection.receive();
   if (!first) return;
-  const auto team = std::make_shared<LikelihoodTeam>();
+  LikelihoodTeam team;
   const std::size_t space = first->find(' ');
-  team->rank = std::stoi(first->substr(0, space));
-  team->size = std::stoi(first->substr(space + 1));
+  team.rank = std::stoi(first->substr(0, space));
+  team.size = std::stoi(first->substr(space + 1));
   bool ended = false;
-  team->hear = [&] {
+  team.hear = [&] {
     std::optional<std::string> bytes = connection.receive();
     ended = !bytes;
     return bytes;
   };
-  team->answer = [&connection](const std::string& bytes) {
+  team.answer = [&connection](const std::string& bytes) {
     connection.send(frame_of(std::string_view(bytes)));
   };
-  call.team = team;
+  call.team = &team;
   call.progress = nullptr;
   call.notice = nullptr;
   std::string failure = "the fit has ended on this process";
@@ -185,7 +185,7 @@ void work_with(const Verb& fit, Call call, const Connection& connection) {
   } catch (const std::exception& error) {
     failure = error.what();
   }
-  while (!ended && team->hear()) team->answer(bytes_of_failure(failure));
+  while (!ended && team.hear()) team.answer(bytes_of_failure(failure));
 }
 
 // No processes of this machine beside the ranks.
@@ -205,17 +205,11 @@ Outcome fit_over_mpi(const Verb& fit, Call& call) {
     work_with(fit, call, world.connection());
     return {};
   }
-  if (world.size() > 1) call.team = team_of(world.workers(none_of_its_own()));
-  const auto leave = [&](Outcome outcome) {
-    call.team = nullptr;  // the others are told that no more will come before MPI ends
-    return outcome;
-  };
-  try {
-    return leave(fit.run(call));
-  } catch (...) {
-    call.team = nullptr;
-    throw;
-  }
+  // It goes before MPI ends, and tells the others that no more will come.
+  const LikelihoodTeam team =
+      world.size() > 1 ? team_of(world.workers(none_of_its_own())) : LikelihoodTeam{};
+  if (world.size() > 1) call.team = &team;
+  return fit.run(call);
 }
 
 Outcome fit_on_this_machine(const Verb& fit, int processes, Call& call) {
@@ -224,7 +218,8 @@ Outcome fit_on_this_machine(const Verb& fit, int processes, Call& call) {
     use_threads_at_most(1);
     work_with(fit, call, connection);
   });
-  call.team = team_of(workers);
+  const LikelihoodTeam team = team_of(workers);
+  call.team = &team;
   return fit.run(call);
 }
 

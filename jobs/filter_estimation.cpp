@@ -58,7 +58,7 @@ NoiseMlOptions likelihood_options(const SearchOptions& search, const Run& run) {
   NoiseMlOptions options;
   options.starts = static_cast<int>(search.starts);
   options.iterations = static_cast<int>(search.iterations);
-  options.team = run.call.team.get();
+  options.team = run.call.team;
   options.threads = options.team != nullptr ? 1 : static_cast<int>(search.threads);
   options.seed = search.seed_number();
   options.pictures = run.wants_pictures();

@@ -32,7 +32,7 @@ struct TrackSettings;  // jobs/track_settings.h
 struct Call {
   Inputs inputs;
   /// Processes that share the recordings, where the verb estimates by likelihood; null: this one alone.
-  std::shared_ptr<const LikelihoodTeam> team;
+  const LikelihoodTeam* team = nullptr;
   std::string command;  ///< the command line as typed, for the page
   /// Called while it works. @return false to stop with the best so far
   std::function<bool(const std::string& what, double share, double value)> progress;
