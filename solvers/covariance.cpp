@@ -1,24 +1,51 @@
 #include "solvers/covariance.h"
 
+#include <array>
 #include <map>
 
 #include <Eigen/Eigenvalues>
 
+#include "solvers/internal/matrix_root.h"
+
 namespace identikal {
+namespace {
+
+// Nothing where the smallest eigenvalue is below `tolerance` times the largest.
+std::optional<Eigen::MatrixXd> inverse_by_root(const Eigen::MatrixXd& scaled, double tolerance) {
+  const std::optional<MatrixRoot> root = MatrixRoot::of(scaled);
+  if (!root || root->smallest_eigenvalue() <= tolerance * largest_eigenvalue(scaled)) {
+    return std::nullopt;
+  }
+  const Eigen::MatrixXd inverse =
+      root->solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.rows()));
+  return 0.5 * (inverse + inverse.transpose());
+}
+
+}  // namespace
 
 std::optional<Eigen::MatrixXd> scaled_inverse(const Eigen::Ref<const Eigen::MatrixXd>& information,
                                               double tolerance) {
   if (information.size() == 0) return Eigen::MatrixXd(information);
   if (!information.allFinite() || information.diagonal().minCoeff() <= 0.0) return std::nullopt;
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information *
-                                                             scale.asDiagonal());
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  if (scaled.rows() > kManyUnknowns) {
+    const std::optional<Eigen::MatrixXd> inverse = inverse_by_root(scaled, tolerance);
+    if (inverse) return scale.asDiagonal() * *inverse * scale.asDiagonal();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
   if (eigen.eigenvalues().minCoeff() <= tolerance * eigen.eigenvalues().maxCoeff()) {
     return std::nullopt;
   }
   const Eigen::MatrixXd half = scale.asDiagonal() * eigen.eigenvectors() *
                                eigen.eigenvalues().cwiseSqrt().cwiseInverse().asDiagonal();
   return half * half.transpose();
+}
+
+std::optional<std::array<double, 2>> extreme_eigenvalues(const Eigen::MatrixXd& M) {
+  const std::optional<MatrixRoot> root = MatrixRoot::of(M);
+  if (!root) return std::nullopt;
+  return std::array<double, 2>{root->smallest_eigenvalue(), largest_eigenvalue(M)};
 }
 
 std::vector<std::vector<Eigen::Index>> moved_together(const std::vector<Eigen::Index>& owner) {

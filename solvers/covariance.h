@@ -1,6 +1,7 @@
 // What does the curvature at an optimum say about errors?
 #pragma once
 
+#include <array>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -21,6 +22,21 @@ namespace identikal {
 ///   rank loss is refused, not inverted.
 std::optional<Eigen::MatrixXd> scaled_inverse(const Eigen::Ref<const Eigen::MatrixXd>& information,
                                               double tolerance = 1e-12);
+
+/// The smallest and the largest eigenvalue of a positive definite matrix, without the others: for some
+/// hundred unknowns and more, most of which have nothing in common, at the cost of a few solutions.
+///
+/// Example:
+///
+///     const auto ends = extreme_eigenvalues(Eigen::Matrix2d{{2.0, 1.0}, {1.0, 2.0}});
+///     if (ends) std::printf("condition %g\n", (*ends)[1] / (*ends)[0]);  // 3
+///
+/// @param M  n x n, symmetric, of about unit diagonal
+/// @return nothing when M is not positive definite
+std::optional<std::array<double, 2>> extreme_eigenvalues(const Eigen::MatrixXd& M);
+
+/// From so many unknowns on, eigenvectors of all of them take longer than most likelihoods.
+inline constexpr Eigen::Index kManyUnknowns = 100;
 
 /// Minus the Hessian of a log-likelihood, by central differences of its exact gradient.
 /// @param gradient  evaluates it at x; false = undefined there

@@ -12,9 +12,10 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "solvers/covariance.h"
 #include "solvers/curvature_correction.h"
 #include "solvers/internal/likelihood_start.h"
-#include "solvers/internal/solved_by_root.h"
+#include "solvers/internal/matrix_root.h"
 
 namespace identikal {
 namespace {
@@ -44,70 +45,70 @@ std::vector<Index> free_coordinates(const LikelihoodProblem& problem, const Poin
 
 constexpr double kNoInformation = 1e-13;  // eigenvalues of the scaled system over the largest
 
-// The information on the given coordinates, scaled to unit diagonal, by its eigenvectors.
+// The information on the given coordinates, scaled to unit diagonal: by its eigenvectors, or, of many
+// unknowns, by a triangular root where that exists.
 class ScaledSystem {
  public:
+  // @param information  outlives it
   ScaledSystem(const MatrixXd& information, const std::vector<Index>& free)
-      : size_(information.rows()), free_(free), scale_(static_cast<Index>(free.size())) {
-    const Index m = scale_.size();
-    MatrixXd J(m, m);
-    for (Index i = 0; i < m; ++i) {
+      : information_(information), free_(free), scale_(static_cast<Index>(free.size())) {
+    for (Index i = 0; i < scale_.size(); ++i) {
       const double d = information(free[i], free[i]);
       scale_[i] = d > 0.0 ? 1.0 / std::sqrt(d) : 0.0;
     }
-    for (Index i = 0; i < m; ++i) {
-      for (Index j = 0; j < m; ++j) J(i, j) = information(free[i], free[j]) * scale_[i] * scale_[j];
-    }
-    if (m > kManyUnknowns) {
-      J_ = J;
-    } else if (m > 0) {
-      eigen_.compute(J);
-    }
+    if (scale_.size() > kManyUnknowns) roots_.emplace(information, free, information.diagonal());
   }
 
   // (J + lambda diag J)^-1 g on the coordinates, zero elsewhere. Directions without information get
   // no step: eigenvalues below `least` of the largest are left out.
-  VectorXd damped_step(const VectorXd& gradient, double lambda,
-                       double least = kNoInformation) const {
-    VectorXd step = VectorXd::Zero(size_);
-    const Index m = scale_.size();
-    if (m == 0) return step;
-    VectorXd g(m);
-    for (Index i = 0; i < m; ++i) g[i] = gradient[free_[i]] * scale_[i];
-    if (J_.size() > 0) {
-      MatrixXd damped = J_;
-      damped.diagonal().array() += lambda;
-      if (const auto d = solved_by_root(damped, g)) {
-        for (Index i = 0; i < m; ++i) step[free_[i]] = scale_[i] * (*d)[i];
-        return step;
-      }
-      if (!has_axes_) eigen_.compute(J_);
-      has_axes_ = true;
+  VectorXd damped_step(const VectorXd& gradient, double lambda, double least = kNoInformation) {
+    if (scale_.size() == 0) return VectorXd::Zero(gradient.size());
+    if (roots_) {
+      if (auto step = roots_->solve(gradient, lambda)) return *step;
     }
-    const double floor = least * std::max(1e-300, eigen_.eigenvalues().maxCoeff());
-    VectorXd rotated = eigen_.eigenvectors().transpose() * g;
-    for (Index i = 0; i < m; ++i) {
-      const double value = eigen_.eigenvalues()[i];
-      rotated[i] = value > floor ? rotated[i] / (value + lambda) : 0.0;
-    }
-    const VectorXd d = eigen_.eigenvectors() * rotated;
-    for (Index i = 0; i < m; ++i) step[free_[i]] = scale_[i] * d[i];
-    return step;
+    return step_along_axes(gradient, lambda, least);
   }
 
   // The gain that the quadratic expects of the full step along directions of at least this
   // information.
-  double expected_gain(const VectorXd& gradient, double least) const {
+  double expected_gain(const VectorXd& gradient, double least) {
     return 0.5 * gradient.dot(damped_step(gradient, 0.0, least));
   }
 
  private:
-  Index size_;
+  VectorXd step_along_axes(const VectorXd& gradient, double lambda, double least) {
+    if (!has_axes_) find_axes();
+    VectorXd step = VectorXd::Zero(gradient.size());
+    const double floor = least * std::max(1e-300, eigen_.eigenvalues().maxCoeff());
+    const VectorXd g = scale_.cwiseProduct(VectorXd(gradient(free_)));
+    VectorXd rotated = eigen_.eigenvectors().transpose() * g;
+    for (Index i = 0; i < rotated.size(); ++i) {
+      const double value = eigen_.eigenvalues()[i];
+      rotated[i] = value > floor ? rotated[i] / (value + lambda) : 0.0;
+    }
+    const VectorXd d = eigen_.eigenvectors() * rotated;
+    for (Index i = 0; i < d.size(); ++i) step[free_[i]] = scale_[i] * d[i];
+    return step;
+  }
+
+  void find_axes() {
+    const Index m = scale_.size();
+    MatrixXd J(m, m);
+    for (Index i = 0; i < m; ++i) {
+      for (Index j = 0; j < m; ++j) {
+        J(i, j) = information_(free_[i], free_[j]) * scale_[i] * scale_[j];
+      }
+    }
+    eigen_.compute(J);
+    has_axes_ = true;
+  }
+
+  const MatrixXd& information_;
   std::vector<Index> free_;
   VectorXd scale_;
-  MatrixXd J_;  // of many unknowns, whose eigenvectors take long
-  mutable Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
-  mutable bool has_axes_ = false;
+  std::optional<DampedRoots> roots_;
+  Eigen::SelfAdjointEigenSolver<MatrixXd> eigen_;
+  bool has_axes_ = false;
 };
 
 constexpr double kFarther = 1e6;  // times itself
@@ -150,9 +151,9 @@ std::vector<Index> brought_back(const LikelihoodProblem& problem, const VectorXd
 
 // The step that stays in the box: coordinates that would leave it stop at the bound and the others
 // are solved again without them.
-// @param system  of the information on the free coordinates
+// @param information  and the system of it on the free coordinates
 VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vector<Index> free,
-                    const ScaledSystem& system, double lambda) {
+                    const MatrixXd& information, ScaledSystem& system, double lambda) {
   VectorXd stopped = VectorXd::Zero(at.x.size());
   VectorXd step = system.damped_step(at.gradient, lambda);
   while (true) {
@@ -170,8 +171,7 @@ VectorXd boxed_step(const LikelihoodProblem& problem, const Point& at, std::vect
     if (still_free.size() == free.size()) return step + stopped;
     free = still_free;
     if (free.empty()) return stopped;
-    step = ScaledSystem(at.information, free)
-               .damped_step(at.gradient - at.information * stopped, lambda);
+    step = ScaledSystem(information, free).damped_step(at.gradient - information * stopped, lambda);
   }
 }
 
@@ -376,19 +376,22 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
   CurvatureCorrection correction(MatrixXd::Zero(start.size(), start.size()));
   RecentGains recent;
   std::vector<Index> held;
+  // What is learnt has no zeros, and its root would cost more than the steps that it saves.
+  const bool learns = start.size() <= kManyUnknowns || !has_many_zeros(at.information);
   while (true) {
     const std::vector<Index> free = free_coordinates(problem, at, held);
-    const ScaledSystem system(at.information, free);
+    ScaledSystem system(at.information, free);
     summary.expected_gain = system.expected_gain(at.gradient, kNoInformation);
-    Point model = at;
-    const std::optional<MatrixXd> learnt = correction.apply(at.information, free);
-    if (learnt) model.information = *learnt;
-    const ScaledSystem corrected = learnt ? ScaledSystem(*learnt, free) : system;
+    const std::optional<MatrixXd> learnt =
+        correction.is_empty() ? std::nullopt : correction.apply(at.information, free);
+    const MatrixXd& information = learnt ? *learnt : at.information;
+    std::optional<ScaledSystem> of_learnt;
+    ScaledSystem& corrected = learnt ? of_learnt.emplace(*learnt, free) : system;
     if (summary.expected_gain <= options.decrement_tolerance) {
       // A step that gains nothing worth an evaluation, but digits of x.
       if (corrected.expected_gain(at.gradient, kNoInformation) <
           std::min(kNothing, options.decrement_tolerance)) {
-        const VectorXd last = boxed_step(problem, model, free, corrected, 0.0);
+        const VectorXd last = boxed_step(problem, at, free, information, corrected, 0.0);
         out.x = (at.x + last).cwiseMax(problem.lower).cwiseMin(problem.upper);
       }
       return finish(Termination::converged, "the increase still expected is below the tolerance");
@@ -410,14 +413,16 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
       return end_short(Termination::time_limit, "the time limit was reached");
     }
 
-    const auto step = [&] { return boxed_step(problem, model, free, corrected, damping.lambda); };
-    const bool corrects = learnt && !correction.is_empty();
+    const auto step = [&] {
+      return boxed_step(problem, at, free, information, corrected, damping.lambda);
+    };
+    const bool corrects = learnt.has_value();
     if (corrects) damping.factor = std::max(1.0, damping.factor);  // it knows the step's length
     // But what has been learnt from afar may mislead.
     const bool may_mislead = corrects && system.expected_gain(at.gradient, options.flat) > kNearby;
     const double most_damping = may_mislead ? 0.0 : arrived ? kLittle : 1e12;
     std::optional<Trial> trial =
-        accepted_step(problem, at, model.information, step, most_damping, damping, summary);
+        accepted_step(problem, at, information, step, most_damping, damping, summary);
     if (!trial && may_mislead) {
       correction.forget();
       damping.lambda = 0.0;
@@ -444,7 +449,7 @@ Solution maximise(const LikelihoodProblem& problem, const VectorXd& start,
     const bool far = !options.learn_from_afar || is_far(at.x, trial->next.x);
     if (trial->gain > kNearby && far) {
       correction.forget();
-    } else {
+    } else if (learns) {
       const Point& next = trial->next;
       correction.learn(next.x - at.x, at.gradient - next.gradient, next.information);
     }

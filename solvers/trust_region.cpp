@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <vector>
 
 #include <Eigen/Eigenvalues>
 
-#include "solvers/internal/solved_by_root.h"
+#include "solvers/covariance.h"
+#include "solvers/internal/matrix_root.h"
 
 namespace identikal {
 namespace {
@@ -128,40 +130,55 @@ class TrustRegion {
 
   bool first_look() const { return largest_weight_.size() == 0; }
 
-  // (curvature + lambda D^2)^-1 (-slope) on these coordinates.
-  static VectorXd damped_step(const Squares& at, const VectorXd& D, const std::vector<Index>& free,
-                              double lambda) {
-    MatrixXd M = at.curvature(free, free);
-    M.diagonal() += lambda * VectorXd(D(free)).cwiseAbs2();
-    VectorXd by = M.diagonal().cwiseMax(0.0).cwiseSqrt();
-    by = (by.array() > 0.0).select(by.cwiseInverse(), 0.0);
-    const MatrixXd scaled = by.asDiagonal() * M * by.asDiagonal();
-    const VectorXd downhill = -by.cwiseProduct(VectorXd(at.slope(free)));
-    VectorXd out = VectorXd::Zero(at.x.size());
-    if (const auto step = solved_by_root(scaled, downhill)) {
-      out(free) = by.cwiseProduct(*step);
+  // (curvature + lambda D^2)^-1 (-slope) on these coordinates, for several lambda.
+  class DampedSystem {
+   public:
+    DampedSystem(const MatrixXd& curvature, const VectorXd& slope, const VectorXd& D,
+                 const std::vector<Index>& free)
+        : curvature_(curvature), slope_(slope), free_(free), squares_(D.cwiseAbs2()) {
+      if (static_cast<Index>(free.size()) > kManyUnknowns)
+        roots_.emplace(curvature, free, squares_);
+    }
+
+    VectorXd step(double lambda) {
+      if (roots_) {
+        if (auto out = roots_->solve(-slope_, lambda)) return *out;
+      }
+      return along_axes(lambda);
+    }
+
+   private:
+    VectorXd along_axes(double lambda) const {
+      MatrixXd M = curvature_(free_, free_);
+      M.diagonal() += lambda * VectorXd(squares_(free_));
+      VectorXd by = M.diagonal().cwiseMax(0.0).cwiseSqrt();
+      by = (by.array() > 0.0).select(by.cwiseInverse(), 0.0);
+      const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(by.asDiagonal() * M * by.asDiagonal());
+      VectorXd along = axes.eigenvectors().transpose() * -by.cwiseProduct(VectorXd(slope_(free_)));
+      const double floor = kNoCurvature * std::max(1e-300, axes.eigenvalues().maxCoeff());
+      for (Index i = 0; i < along.size(); ++i) {
+        const double value = axes.eigenvalues()[i];
+        along[i] = value > floor ? along[i] / value : 0.0;
+      }
+      VectorXd out = VectorXd::Zero(slope_.size());
+      out(free_) = by.cwiseProduct(VectorXd(axes.eigenvectors() * along));
       return out;
     }
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(scaled);
-    VectorXd along = axes.eigenvectors().transpose() * downhill;
-    const double floor = kNoCurvature * std::max(1e-300, axes.eigenvalues().maxCoeff());
-    for (Index i = 0; i < along.size(); ++i) {
-      const double value = axes.eigenvalues()[i];
-      along[i] = value > floor ? along[i] / value : 0.0;
-    }
-    out(free) = by.cwiseProduct(VectorXd(axes.eigenvectors() * along));
-    return out;
-  }
+
+    const MatrixXd& curvature_;
+    VectorXd slope_;
+    std::vector<Index> free_;
+    VectorXd squares_;
+    std::optional<DampedRoots> roots_;
+  };
 
   // The smallest lambda whose step stays within the radius, to a tenth.
-  static double damping(const Squares& at, const VectorXd& D, const std::vector<Index>& free,
+  static double damping(DampedSystem& system, const MatrixXd& curvature, const VectorXd& D,
                         double radius) {
-    const auto length = [&](double lambda) {
-      return D.cwiseProduct(damped_step(at, D, free, lambda)).norm();
-    };
+    const auto length = [&](double lambda) { return D.cwiseProduct(system.step(lambda)).norm(); };
     if (length(0.0) <= 1.1 * radius) return 0.0;
     const double largest =
-        std::max(1e-300, at.curvature.diagonal().cwiseQuotient(D.cwiseAbs2()).maxCoeff());
+        std::max(1e-300, curvature.diagonal().cwiseQuotient(D.cwiseAbs2()).maxCoeff());
     double low = std::log(largest) - 80.0, high = std::log(largest) + 40.0;
     while (high - low > 1e-3) {
       const double middle = 0.5 * (low + high), there = length(std::exp(middle));
@@ -181,12 +198,11 @@ class TrustRegion {
     }
     VectorXd stopped = VectorXd::Zero(at.x.size());
     if (free.empty()) return stopped;
-    const double lambda = damping(at, D, free, radius);
+    std::optional<DampedSystem> system(std::in_place, at.curvature, at.slope, D, free);
+    const double lambda = damping(*system, at.curvature, D, radius);
     cut_ = lambda > 0.0;
     while (!free.empty()) {
-      Squares shifted = at;
-      shifted.slope += at.curvature * stopped;
-      const VectorXd step = damped_step(shifted, D, free, lambda);
+      const VectorXd step = system->step(lambda);
       std::vector<Index> within;
       for (const Index i : free) {
         const double to = std::clamp(at.x[i] + step[i], problem_.lower[i], problem_.upper[i]);
@@ -198,6 +214,7 @@ class TrustRegion {
       }
       if (within.size() == free.size()) return step + stopped;
       free = within;
+      system.emplace(at.curvature, at.slope + at.curvature * stopped, D, free);
     }
     return stopped;
   }

@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "lib/data/units.h"
+#include "solvers/covariance.h"
 
 namespace identikal {
 namespace {
@@ -43,10 +44,18 @@ std::vector<bool> find_flat(Estimate& estimate, const std::vector<EstimatedParam
     }
   }
   const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
-  const double largest = eigen.eigenvalues().maxCoeff();
   Identifiability& out = estimate.identifiability;
   out.of = static_cast<int>(k);
+  if (k > kManyUnknowns) {
+    const auto ends = extreme_eigenvalues(scaled);
+    if (ends && (*ends)[0] > flat * (*ends)[1]) {
+      out.rank = out.of;
+      out.condition = (*ends)[1] / (*ends)[0];
+      return sound;
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
+  const double largest = eigen.eigenvalues().maxCoeff();
   out.rank = 0;
   double smallest = largest;
   for (Index j = 0; j < k; ++j) {

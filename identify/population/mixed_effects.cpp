@@ -8,6 +8,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/SparseCore>
 
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/none.h"
@@ -25,9 +26,9 @@ constexpr double kDifference = 1e-3;  // of a standard error
 constexpr double kSmallestSpread =
     1e-5;  // of where it began: numbers that divide by it stay finite
 constexpr int kMostTurns = 60, kHalvings = 30;
-constexpr Index kMostObserved = 60;  // unknowns, of differences in all directions
-constexpr double kClose = 1e-15;     // gain still expected of the effects, in nats
-constexpr double kRounding = 1e-12;  // of a log-likelihood
+constexpr std::size_t kMostObserved = 60;  // directions of differences
+constexpr double kClose = 1e-15;           // gain still expected of the effects, in nats
+constexpr double kRounding = 1e-12;        // of a log-likelihood
 
 // The likelihood of the data by shared coordinates and effects in the scale that they are normal in.
 struct DataDerivatives {
@@ -36,12 +37,29 @@ struct DataDerivatives {
   MatrixXd by_effects;            // q x U
   MatrixXd shared;                // p x p, Fisher information
   std::vector<MatrixXd> effects;  // U of q x q
-  std::vector<MatrixXd> crossed;  // U of p x q
+  std::vector<MatrixXd> crossed;  // U, a row for each shared coordinate that concerns the unit
 };
+
+// The shared coordinates that concern each unit: those of all, and its own.
+std::vector<std::vector<Index>> shared_by_unit(const MixedEffectsProblem& problem) {
+  std::vector<Index> of_all;
+  std::vector<std::vector<Index>> own(static_cast<std::size_t>(problem.effects.cols()));
+  for (std::size_t k = 0; k < problem.shared.size(); ++k) {
+    const Index unit = problem.unit_of_shared.empty() ? -1 : problem.unit_of_shared[k];
+    (unit < 0 ? of_all : own[static_cast<std::size_t>(unit)]).push_back(static_cast<Index>(k));
+  }
+  for (std::vector<Index>& list : own) list.insert(list.begin(), of_all.begin(), of_all.end());
+  return own;
+}
 
 class Data {
  public:
-  explicit Data(const MixedEffectsProblem& problem) : of_(problem) {}
+  explicit Data(const MixedEffectsProblem& problem)
+      : of_(problem), shared_by_unit_(shared_by_unit(problem)) {}
+
+  const std::vector<Index>& shared_of(Index unit) const {
+    return shared_by_unit_[static_cast<std::size_t>(unit)];
+  }
 
   VectorXd coordinates(const VectorXd& theta, const MatrixXd& B) const {
     VectorXd x(of_.data.lower.size());
@@ -63,7 +81,7 @@ class Data {
     out.shared.resize(p, p);
     out.by_effects.resize(q, U);
     out.effects.assign(static_cast<std::size_t>(U), MatrixXd(q, q));
-    out.crossed.assign(static_cast<std::size_t>(U), MatrixXd(p, q));
+    out.crossed.clear();
     const auto place = [&](Index k) { return of_.shared[static_cast<std::size_t>(k)]; };
     for (Index k = 0; k < p; ++k) {
       out.by_shared[k] = gradient_[place(k)];
@@ -71,6 +89,8 @@ class Data {
     }
     for (Index i = 0; i < U; ++i) {
       const auto unit = static_cast<std::size_t>(i);
+      const std::vector<Index>& concerned = shared_by_unit_[unit];
+      out.crossed.emplace_back(concerned.size(), q);
       for (Index j = 0; j < q; ++j) {
         const Index a = of_.effects(j, i);
         const double by = is_log(j) ? x[a] : 1.0;
@@ -79,7 +99,10 @@ class Data {
           const Index b = of_.effects(l, i);
           out.effects[unit](j, l) = by * (is_log(l) ? x[b] : 1.0) * information_(a, b);
         }
-        for (Index k = 0; k < p; ++k) out.crossed[unit](k, j) = by * information_(place(k), a);
+        Index row = 0;
+        for (const Index k : concerned) {
+          out.crossed[unit](row++, j) = by * information_(place(k), a);
+        }
       }
     }
     return true;
@@ -89,6 +112,7 @@ class Data {
   bool is_log(Index j) const { return of_.logarithmic[static_cast<std::size_t>(j)]; }
 
   const MixedEffectsProblem& of_;
+  std::vector<std::vector<Index>> shared_by_unit_;
   VectorXd gradient_;
   MatrixXd information_;
 };
@@ -197,7 +221,14 @@ class Marginal {
   MatrixXd effects() const { return effects_at(Z_); }
   const MatrixXd& standardised() const { return Z_; }
   const std::vector<MatrixXd>& H() const { return H_; }
-  const std::vector<MatrixXd>& moves() const { return moves_; }
+  /// By the coordinates that concern a unit, q x as many.
+  const MatrixXd& moves(Index unit) const { return moves_[static_cast<std::size_t>(unit)]; }
+  std::vector<Index> concerning(Index unit) const {
+    std::vector<Index> out = data_.shared_of(unit);
+    for (Index e = p_; e < size(); ++e) out.push_back(e);
+    return out;
+  }
+  const std::vector<Index>& unit_of_shared() const { return unit_of_shared_; }
   MatrixXd conditional_covariance(Index unit) const {
     const MatrixXd Hi = H_[static_cast<std::size_t>(unit)].inverse();
     return L_ * Hi * L_.transpose();
@@ -281,8 +312,9 @@ class Marginal {
       const MatrixXd& X = here_.crossed[unit];
       const MatrixXd K = conditional_covariance(i);
       const MatrixXd W = I - I * K * I;
-      J.topLeftCorner(p_, p_) -= X * K * X.transpose();
-      J.block(0, p_, p_, q_) += X - X * K * I;
+      const std::vector<Index>& concerned = data_.shared_of(i);
+      J(concerned, concerned) -= X * K * X.transpose();
+      J(concerned, Eigen::seqN(p_, q_)) += X - X * K * I;
       J.block(p_, p_, q_, q_) += W;
       for (Index a = 0; a < s; ++a) {
         const MatrixXd WA = W * dOmega[static_cast<std::size_t>(a)];
@@ -319,8 +351,8 @@ class Marginal {
     return true;
   }
 
-  // Of each coordinate of a turn; where it is of one unit, the others' columns are zero.
-  bool along_shared(const std::vector<Index>& turn, std::vector<Along>& out) {
+  // Of the coordinates of a turn; a unit sees one of them alone.
+  bool along_shared(const std::vector<Index>& turn, Along& out) {
     VectorXd above = theta_, below = theta_, width = VectorXd::Ones(U_);
     for (const Index k : turn) {
       const double J = here_.shared(k, k);
@@ -328,32 +360,15 @@ class Marginal {
           J > 0.0 ? kDifference / std::sqrt(J) : kDifference * (1.0 + std::abs(theta_[k]));
       above[k] = std::min(theta_[k] + step, upper_[k]);
       below[k] = std::max(theta_[k] - step, lower_[k]);
-      if (const Index unit = unit_of(k); unit >= 0) {
+      if (const Index unit = unit_of_shared_[static_cast<std::size_t>(k)]; unit >= 0) {
         width[unit] = above[k] - below[k];
       } else {
         width.setConstant(above[k] - below[k]);
       }
     }
-    Along all;
     const MatrixXd B = effects();
-    if (!along(above, below, B, B, width, all)) return false;
-    for (const Index k : turn) {
-      const Index unit = unit_of(k);
-      Along& of = out[static_cast<std::size_t>(k)];
-      if (unit < 0) {
-        of = all;
-        continue;
-      }
-      const auto u = static_cast<std::size_t>(unit);
-      of.gradient = MatrixXd::Zero(q_, U_);
-      of.gradient.col(unit) = all.gradient.col(unit);
-      of.information.assign(static_cast<std::size_t>(U_), MatrixXd::Zero(q_, q_));
-      of.information[u] = all.information[u];
-    }
-    return true;
+    return along(above, below, B, B, width, out);
   }
-
-  Index unit_of(Index k) const { return unit_of_shared_[static_cast<std::size_t>(k)]; }
 
   bool along_effect(Index j, Along& out) {
     MatrixXd above = effects(), below = above;
@@ -370,10 +385,12 @@ class Marginal {
   }
 
   bool take_gradient(VectorXd& out) {
-    std::vector<Along> by_shared(static_cast<std::size_t>(p_)),
-        by_effect(static_cast<std::size_t>(q_));
-    for (const std::vector<Index>& turn : moved_together(unit_of_shared_)) {
-      if (!along_shared(turn, by_shared)) return false;
+    const std::vector<std::vector<Index>> turns = moved_together(unit_of_shared_);
+    std::vector<Along> by_turn(turns.size()), by_effect(static_cast<std::size_t>(q_));
+    std::vector<const Along*> by_shared(static_cast<std::size_t>(p_));
+    for (std::size_t t = 0; t < turns.size(); ++t) {
+      if (!along_shared(turns[t], by_turn[t])) return false;
+      for (const Index k : turns[t]) by_shared[static_cast<std::size_t>(k)] = &by_turn[t];
     }
     for (Index j = 0; j < q_; ++j) {
       if (!along_effect(j, by_effect[static_cast<std::size_t>(j)])) return false;
@@ -382,31 +399,43 @@ class Marginal {
     out.head(p_) = here_.by_shared;
     moves_.clear();
     const std::vector<MatrixXd> slopes = spread_.root_slopes(c_);
-    for (Index i = 0; i < U_; ++i) add_unit(i, by_shared, by_effect, slopes, out);
+    for (Index i = 0; i < U_; ++i) {
+      std::vector<const Along*> of_unit;
+      for (const Index k : data_.shared_of(i)) {
+        of_unit.push_back(by_shared[static_cast<std::size_t>(k)]);
+      }
+      VectorXd of_concerned = VectorXd::Zero(static_cast<Index>(of_unit.size()) + size() - p_);
+      add_unit(i, of_unit, by_effect, slopes, of_concerned);
+      out(concerning(i)) += of_concerned;
+    }
     return true;
   }
 
-  void add_unit(Index i, const std::vector<Along>& by_shared, const std::vector<Along>& by_effect,
-                const std::vector<MatrixXd>& slopes, VectorXd& out) {
+  // @param by_shared  of those that concern the unit
+  // @param out        of concerning(i)
+  void add_unit(Index i, const std::vector<const Along*>& by_shared,
+                const std::vector<Along>& by_effect, const std::vector<MatrixXd>& slopes,
+                VectorXd& out) {
     const auto unit = static_cast<std::size_t>(i);
+    const auto p = static_cast<Index>(by_shared.size());
     const VectorXd z = Z_.col(i), g = here_.by_effects.col(i);
     const MatrixXd& I = here_.effects[unit];
     MatrixXd O(q_, q_);  // minus the second derivatives by the effects
     for (Index j = 0; j < q_; ++j)
       O.col(j) = -by_effect[static_cast<std::size_t>(j)].gradient.col(i);
     O = (0.5 * (O + O.transpose())).eval();
-    const Index n = size();
+    const Index n = out.size();
     // How the condition L'g = z is upset, and the effects move with z at rest, by each of psi.
     MatrixXd upset(q_, n), direct = MatrixXd::Zero(q_, n);
-    for (Index k = 0; k < p_; ++k) {
-      upset.col(k) = L_.transpose() * by_shared[static_cast<std::size_t>(k)].gradient.col(i);
+    for (Index k = 0; k < p; ++k) {
+      upset.col(k) = L_.transpose() * by_shared[static_cast<std::size_t>(k)]->gradient.col(i);
     }
     for (Index j = 0; j < q_; ++j) {
-      direct(j, p_ + j) = 1.0;
-      upset.col(p_ + j) = -L_.transpose() * O.col(j);
+      direct(j, p + j) = 1.0;
+      upset.col(p + j) = -L_.transpose() * O.col(j);
     }
     for (std::size_t c = 0; c < slopes.size(); ++c) {
-      const Index e = p_ + q_ + static_cast<Index>(c);
+      const Index e = p + q_ + static_cast<Index>(c);
       direct.col(e) = slopes[c] * z;
       upset.col(e) = slopes[c].transpose() * g - L_.transpose() * O * direct.col(e);
     }
@@ -415,17 +444,17 @@ class Marginal {
     moves_.push_back(direct + L_ * A.fullPivLu().solve(upset));
     const MatrixXd Hi = H_[unit].inverse();
     const MatrixXd K = L_ * Hi * L_.transpose();
-    out.segment(p_, n - p_) += direct.rightCols(n - p_).transpose() * g;
+    out.tail(n - p) += direct.rightCols(n - p).transpose() * g;
     for (Index e = 0; e < n; ++e) {
       MatrixXd dI = MatrixXd::Zero(q_, q_);
-      if (e < p_) dI = by_shared[static_cast<std::size_t>(e)].information[unit];
+      if (e < p) dI = by_shared[static_cast<std::size_t>(e)]->information[unit];
       for (Index j = 0; j < q_; ++j) {
         dI += moves_.back()(j, e) * by_effect[static_cast<std::size_t>(j)].information[unit];
       }
       out[e] -= 0.5 * (K * dI).trace();
     }
     for (std::size_t c = 0; c < slopes.size(); ++c) {
-      out[p_ + q_ + static_cast<Index>(c)] -= (Hi * L_.transpose() * I * slopes[c]).trace();
+      out[p + q_ + static_cast<Index>(c)] -= (Hi * L_.transpose() * I * slopes[c]).trace();
     }
   }
 
@@ -459,7 +488,8 @@ void check(const MixedEffectsProblem& problem, const MixedEffectsStart& start) {
 }
 
 // By shared, mean, and the standard deviations.
-MatrixXd by_deviations(const Marginal& marginal, const VectorXd& psi, Index p, Index q) {
+Eigen::SparseMatrix<double> by_deviations(const Marginal& marginal, const VectorXd& psi, Index p,
+                                          Index q) {
   const Index n = psi.size(), s = n - p - q;
   MatrixXd T = MatrixXd::Zero(p + 2 * q, n);
   T.topLeftCorner(p + q, p + q).setIdentity();
@@ -471,11 +501,12 @@ MatrixXd by_deviations(const Marginal& marginal, const VectorXd& psi, Index p, I
           slopes[static_cast<std::size_t>(c)].row(j).dot(L.row(j)) / L.row(j).norm();
     }
   }
-  return T;
+  return T.sparseView();
 }
 
 std::optional<MatrixXd> observed_at(const LikelihoodProblem& problem, const VectorXd& psi,
-                                    const std::vector<Index>& inside, const MatrixXd& expected) {
+                                    const std::vector<Index>& inside, const MatrixXd& expected,
+                                    const std::vector<Index>& unit) {
   VectorXd step(static_cast<Index>(inside.size()));
   for (Index e = 0; e < step.size(); ++e) {
     const Index at = inside[static_cast<std::size_t>(e)];
@@ -490,7 +521,7 @@ std::optional<MatrixXd> observed_at(const LikelihoodProblem& problem, const Vect
     g = all(inside);
     return true;
   };
-  return observed_information(gradient_at, psi(inside), step);
+  return observed_information(gradient_at, psi(inside), step, unit);
 }
 
 // The information at the maximum on what is not at a bound; the others have no error.
@@ -507,9 +538,15 @@ MatrixXd covariance_of(Marginal& marginal, const VectorXd& psi, bool& is_observe
     if (!at_bound) inside.push_back(e);
   }
   if (inside.empty()) return {};
+  const std::vector<Index>& of_shared = marginal.unit_of_shared();
+  std::vector<Index> unit;
+  for (const Index e : inside) {
+    const auto k = static_cast<std::size_t>(e);
+    unit.push_back(k < of_shared.size() ? of_shared[k] : -1);
+  }
   std::optional<MatrixXd> inverse;
-  if (psi.size() <= kMostObserved) {
-    const auto observed = observed_at(problem, psi, inside, expected);
+  if (moved_together(unit).size() <= kMostObserved) {
+    const auto observed = observed_at(problem, psi, inside, expected, unit);
     if (observed) inverse = scaled_inverse(*observed, 1e-10);
   }
   is_observed = inverse.has_value();
@@ -595,8 +632,9 @@ void take_units(const Marginal& marginal, const MatrixXd& covariance, MixedEffec
   for (Index i = 0; i < Z.cols(); ++i) {
     const auto unit = static_cast<std::size_t>(i);
     MatrixXd V = marginal.conditional_covariance(i);
-    const MatrixXd& S = marginal.moves()[unit];
-    if (covariance.size() > 0) V += S * covariance * S.transpose();
+    const MatrixXd& S = marginal.moves(i);
+    const std::vector<Index> by = marginal.concerning(i);
+    if (covariance.size() > 0) V += S * covariance(by, by) * S.transpose();
     out.effects_se.col(i) = V.diagonal().cwiseMax(0.0).cwiseSqrt();
     // Of effects drawn from the population the most probable ones scatter by 1 - H^-1.
     const MatrixXd scatter = MatrixXd::Identity(Z.rows(), Z.rows()) - marginal.H()[unit].inverse();
@@ -633,8 +671,8 @@ MixedEffects maximise_marginal(const MixedEffectsProblem& problem, const MixedEf
     covariance = covariance_of(marginal, found.x, out.observed);
   VectorXd se;
   if (covariance.size() > 0) {
-    const MatrixXd T = by_deviations(marginal, found.x, p, q);
-    out.covariance = T * covariance * T.transpose();
+    const Eigen::SparseMatrix<double> T = by_deviations(marginal, found.x, p, q);
+    out.covariance = MatrixXd(T * covariance) * T.transpose();
     se = out.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   }
   const auto error_of = [&](Index e) { return se.size() > 0 ? se[e] : kNone; };

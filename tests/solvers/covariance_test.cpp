@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
 #include "solvers/scoring.h"
@@ -61,6 +62,59 @@ TEST(ObservedInformation, ASearchOfManyUnknownsEndsWhereItsPartsDo) {
   const Solution found = maximise(problem, VectorXd::Zero(kMany));
   ASSERT_TRUE(found.summary.usable()) << found.summary.message;
   EXPECT_LT((found.x.array().sinh().matrix() - target).cwiseAbs().maxCoeff(), 1e-5);
+}
+
+// Two unknowns of all, others of owners who have one or two each, scaled to unit diagonal.
+MatrixXd arrow(Index owners, double link) {
+  const Index n = 2 + owners + owners / 2;
+  MatrixXd M = MatrixXd::Identity(n, n);
+  const auto set = [&M](Index i, Index j, double value) { M(i, j) = M(j, i) = value; };
+  set(0, 1, 0.3);
+  for (Index i = 2; i < n; ++i) {
+    set(0, i, link * std::sin(static_cast<double>(i)));
+    set(1, i, link * std::cos(static_cast<double>(i)));
+  }
+  for (Index i = 0; i < owners / 2; ++i) set(2 + i, 2 + owners + i, 0.4);
+  return M;
+}
+
+TEST(LargeInformation, HasTheInverseAndTheEndsOfItsSpectrumThatEigenvectorsGive) {
+  for (const double share : {0.2, 0.9}) {
+    const Index owners = 200;
+    const MatrixXd M = arrow(owners, std::sqrt(share * 0.5 / static_cast<double>(owners)));
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(M);
+    ASSERT_GT(eigen.eigenvalues()[0], 0.0);
+    const auto ends = extreme_eigenvalues(M);
+    ASSERT_TRUE(ends);
+    EXPECT_NEAR((*ends)[0] / eigen.eigenvalues()[0], 1.0, 1e-9);
+    EXPECT_NEAR((*ends)[1] / eigen.eigenvalues()[M.rows() - 1], 1.0, 1e-9);
+    const VectorXd units = VectorXd::LinSpaced(M.rows(), 1e-3, 1e4);
+    const auto inverse = scaled_inverse(units.asDiagonal() * M * units.asDiagonal());
+    ASSERT_TRUE(inverse);
+    const MatrixXd product = units.asDiagonal() * *inverse * units.asDiagonal() * M;
+    EXPECT_LT((product - MatrixXd::Identity(M.rows(), M.rows())).cwiseAbs().maxCoeff(), 1e-12);
+  }
+}
+
+// One with entries everywhere takes the other root.
+TEST(LargeInformation, WithoutZerosIsInvertedToo) {
+  MatrixXd M = MatrixXd::Constant(150, 150, 0.3);
+  M.diagonal().setOnes();
+  const auto ends = extreme_eigenvalues(M);
+  ASSERT_TRUE(ends);
+  EXPECT_NEAR((*ends)[0], 0.7, 1e-12);
+  EXPECT_NEAR((*ends)[1], 0.7 + 0.3 * 150, 1e-10);
+  const auto inverse = scaled_inverse(M);
+  ASSERT_TRUE(inverse);
+  EXPECT_LT((*inverse * M - MatrixXd::Identity(150, 150)).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+TEST(LargeInformation, OfLostRankIsRefused) {
+  MatrixXd M = arrow(200, 0.01);
+  M.row(7) = M.row(5);
+  M.col(7) = M.col(5);
+  M(7, 7) = M(5, 5);
+  EXPECT_FALSE(scaled_inverse(M));
 }
 
 }  // namespace

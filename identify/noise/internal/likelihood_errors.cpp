@@ -7,6 +7,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
+#include <Eigen/SparseCore>
 #include <fmt/format.h>
 
 #include "identify/estimate/distribution.h"
@@ -68,6 +69,22 @@ MatrixXd excess_of(const MatrixXd& observed, const MatrixXd& expected, const Fre
   return out;
 }
 
+using Sparse = Eigen::SparseMatrix<double>;
+
+// by M by', of entries most of which are directions of their own.
+MatrixXd by_entries(const MatrixXd& by, const MatrixXd& M) {
+  const Sparse sparse = by.sparseView();
+  return MatrixXd(sparse * M) * sparse.transpose();
+}
+
+// Standard deviations by the sandwich C P C, carried over to the entries.
+// @param by  the entries' derivatives by the directions
+VectorXd sandwich_errors(const MatrixXd& by, const MatrixXd& C, const MatrixXd& P) {
+  const MatrixXd half = Sparse(by.sparseView()) * C;
+  const MatrixXd weighted = half * Sparse(P.sparseView());
+  return weighted.cwiseProduct(half).rowwise().sum().cwiseSqrt();
+}
+
 // The inverse along the directions that are determined: what lies outside the others keeps its error.
 MatrixXd inverse_of_determined(const MatrixXd& information, double flat) {
   const VectorXd diagonal = information.diagonal();
@@ -81,10 +98,22 @@ MatrixXd inverse_of_determined(const MatrixXd& information, double flat) {
   return half * inverse.asDiagonal() * half.transpose();
 }
 
+// The size of each where every entry is a direction of its own; else nothing.
+VectorXd own_directions(const MatrixXd& by) {
+  const bool own = by.rows() == by.cols() && MatrixXd(by.diagonal().asDiagonal()) == by &&
+                   !(by.diagonal().array() == 0.0).any();
+  return own ? VectorXd(by.diagonal()) : VectorXd();
+}
+
 // Information by the entries, from that by the directions: those in which nothing may move are
 // known as well as the others. @param by  the entries' derivatives by the directions
 MatrixXd information_of_entries(const MatrixXd& by, const MatrixXd& information,
                                 const MatrixXd& covariance) {
+  const VectorXd own = own_directions(by);
+  if (own.size() > 0) {
+    const VectorXd inverse = own.cwiseInverse();
+    return inverse.asDiagonal() * information * inverse.asDiagonal();
+  }
   VectorXd se = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   for (Index i = 0; i < se.size(); ++i) {
     if (!(se[i] > 0.0)) se[i] = by.row(i).cwiseAbs().maxCoeff();
@@ -148,11 +177,11 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
   JudgedMaximum out{free.singular(), {}};
   if (k == 0) return out;
 
-  const MatrixXd information = by.transpose() * all * by;
+  const MatrixXd information = by_entries(by.transpose(), all);
   const MatrixXd in_units =
       inside.unit.cwiseInverse().asDiagonal() * MatrixXd(by(inside.entries, Eigen::all));
   const auto of_entries = [&](const MatrixXd& covariance) {
-    return MatrixXd(in_units * covariance * in_units.transpose());
+    return by_entries(in_units, covariance);
   };
   MatrixXd covariance;
   // Slopes of a regression are exact to rounding, and so is what they do not determine.
@@ -198,11 +227,10 @@ JudgedMaximum judge_maximum(Estimate& estimate, RecordingsLikelihood& likelihood
   if (!bound || coloured_errors) return out;
   const MatrixXd products = likelihood.score_products(end);
   if (products.size() > 0) {
-    const MatrixXd sandwich =
-        of_entries(covariance * (by.transpose() * products * by) * covariance);
+    const VectorXd se = sandwich_errors(in_units, covariance, by_entries(by.transpose(), products));
     for (Index j = 0; j < k; ++j) {
       EstimatedParameter& p = *inside.reported[j];
-      if (!std::isnan(p.se)) p.se_sandwich = std::sqrt(sandwich(j, j));
+      if (!std::isnan(p.se)) p.se_sandwich = se[j];
     }
   }
   const MatrixXd crb = of_entries(*bound);
