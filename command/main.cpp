@@ -10,5 +10,6 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
 #endif
   identikal::end_without_memory();
+  identikal::take_large_pages();
   return identikal::run_program(argc, argv);
 }

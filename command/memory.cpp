@@ -3,14 +3,21 @@
 #include <atomic>
 #include <cerrno>
 #include <charconv>
+#include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <new>
 #include <string_view>
 
 #include "jobs/unfinished_files.h"
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
+
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "lib/base/error.h"
 
@@ -44,12 +51,44 @@ double bytes_of(std::string_view text) {
 
 }  // namespace
 
+#if defined(__GLIBC__) && defined(MADV_HUGEPAGE)
+namespace {
+
+constexpr int kAtOnce =
+    64 << 20;  // bytes by which the heap grows: pages that nobody touches cost nothing
+constexpr int kUsualStep = 128 << 10;  // glibc's own
+constexpr int kApart = 32 << 20;       // what is larger is given back when it is no longer used
+constexpr std::uintptr_t kPage = 2 << 20;
+
+}  // namespace
+
+void take_large_pages() {
+  rlimit limit = {};
+  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur != RLIM_INFINITY) return;
+  mallopt(M_TOP_PAD, kAtOnce);
+  mallopt(M_MMAP_THRESHOLD, kApart);
+  mallopt(M_TRIM_THRESHOLD, 2 * kAtOnce);
+  void* volatile grows = std::malloc(2 * kUsualStep);
+  std::free(grows);
+  const auto end = reinterpret_cast<std::uintptr_t>(sbrk(0));
+  const std::uintptr_t first = (end - kAtOnce + kPage - 1) / kPage * kPage;
+  // NOLINTNEXTLINE(performance-no-int-to-ptr): a hint about addresses
+  madvise(reinterpret_cast<void*>(first), end - first, MADV_HUGEPAGE);
+}
+#else
+void take_large_pages() {}
+#endif
+
 void limit_memory(const std::string& size) {
   const double bytes = bytes_of(size);
   if (!(bytes >= kLeast && bytes < 1e18)) {
     throw InputError({}, fmt::format("--memory-limit '{}' is no size", size),
                      "50 MB or more: '500 MB', '2 GB'");
   }
+#ifdef __GLIBC__
+  mallopt(M_TOP_PAD, 0);
+  malloc_trim(0);  // what was taken ahead does not count
+#endif
   rlimit limit = {};
   getrlimit(RLIMIT_AS, &limit);
   limit.rlim_cur = static_cast<rlim_t>(bytes);

@@ -238,6 +238,7 @@ bool RecordingsLikelihood::set_system(const ParameterSet& at, bool with_derivati
 }
 
 void RecordingsLikelihood::condition_on_beginning() {
+  last_ = nullptr;
   if (team_ != nullptr) {
     team_->tell(bytes_of(request_at(TeamRequest::Kind::condition_on_beginning, model_.parameters)));
     if (share_->likelihood) share_->likelihood->condition_on_beginning();
@@ -259,6 +260,7 @@ void RecordingsLikelihood::condition_on_beginning() {
 }
 
 double RecordingsLikelihood::log_likelihood_of_beginning(const ParameterSet& at) {
+  last_ = nullptr;
   double of_parts = 0.0;
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     of_parts += parts_[i]->likelihood.log_likelihood_of_beginning(parts_[i]->values(at));
@@ -426,18 +428,41 @@ const Likelihood* RecordingsLikelihood::complete(const Likelihood& of_values,
 const Likelihood* RecordingsLikelihood::evaluate(const ParameterSet& at, bool with_gradient) {
   if (team_ != nullptr) return complete(evaluate_by_team(at, with_gradient), at, with_gradient);
   if (!parts_.empty()) return complete(evaluate_parts(at, with_gradient), at, with_gradient);
+  const Likelihood* const found = of_data(at, with_gradient);
+  return found != nullptr ? complete(*found, at, with_gradient) : nullptr;
+}
+
+const Likelihood* RecordingsLikelihood::of_data(const ParameterSet& at, bool with_gradient) {
+  if (is_last(at, with_gradient)) return last_;
+  last_ = nullptr;
   if (!set_system(at, with_gradient && is_stationary())) return nullptr;
   const Likelihood& all = changing_ ? changing_->evaluate(at, with_gradient)
                           : nonlinear_
                               ? nonlinear_->evaluate(at, with_gradient)
                               : engine_.evaluate(system_, as_linear(model_).initial,
                                                  with_gradient ? derivatives_ : none_, method_);
-  const Likelihood& of_data = first_outputs_.empty() ? all : behind_beginning(all, with_gradient);
-  return complete(of_data, at, with_gradient);
+  last_ = first_outputs_.empty() ? &all : &behind_beginning(all, with_gradient);
+  last_has_gradient_ = with_gradient;
+  last_values_.resize(at.size());
+  for (std::size_t i = 0; i < at.size(); ++i) last_values_[i] = {at[i].value, at[i].fixed};
+  return last_;
+}
+
+bool RecordingsLikelihood::is_last(const ParameterSet& at, bool with_gradient) const {
+  if (last_ == nullptr || last_values_.size() != at.size()) return false;
+  if (with_gradient && !last_has_gradient_) return false;
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    const MatrixXd &last = last_values_[i].value, &now = at[i].value;
+    const bool alike = last.rows() == now.rows() && last.cols() == now.cols() &&
+                       last_values_[i].fixed == at[i].fixed;
+    if (!alike || !(last.array() == now.array()).all()) return false;
+  }
+  return true;
 }
 
 FilterStatus RecordingsLikelihood::watch(const ParameterSet& at, bool with_derivatives,
                                          std::size_t recording, const FilteredStateWatcher& see) {
+  last_ = nullptr;
   if (model_.student) return watch_student(at, recording, see);
   if (!parts_.empty()) return watch_part(at, with_derivatives, recording, see);
   if (!set_system(at, with_derivatives && is_stationary())) return FilterStatus::indefinite;
@@ -531,6 +556,7 @@ MatrixXd RecordingsLikelihood::products_of_parts(const ParameterSet& at) {
 }
 
 bool RecordingsLikelihood::refine(const ParameterSet& at) {
+  last_ = nullptr;
   bool finer = false;
   if (team_ != nullptr) {
     team_->tell(bytes_of(request_at(TeamRequest::Kind::refine, at)));
@@ -549,12 +575,14 @@ bool RecordingsLikelihood::refine(const ParameterSet& at) {
 }
 
 double RecordingsLikelihood::integration_error(const ParameterSet& at) {
+  last_ = nullptr;
   double out = nonlinear_ ? nonlinear_->integration_error(at) : 0.0;
   for (const auto& part : parts_) out += part->likelihood.integration_error(part->values(at));
   return out;
 }
 
 MatrixXd RecordingsLikelihood::score_products(const ParameterSet& at) {
+  last_ = nullptr;
   if (!parts_.empty()) return products_of_parts(at);
   if (!set_system(at, is_stationary())) return {};
   if (is_stationary()) {
@@ -596,6 +624,7 @@ FilterStatus RecordingsLikelihood::status_at_start() {
     if (here != FilterStatus::ok) return here;
   }
   if (!parts_.empty()) return FilterStatus::ok;
+  last_ = nullptr;
   if (!set_system(model_.parameters, false)) return FilterStatus::indefinite;
   if (changing_) return changing_->evaluate(model_.parameters, false).status;
   if (nonlinear_) return nonlinear_->evaluate(model_.parameters, false).status;

@@ -144,6 +144,9 @@ class RecordingsLikelihood {
   FilterStatus watch_student(const ParameterSet& at, std::size_t recording,
                              const FilteredStateWatcher& see);
   bool is_stationary() const { return !nonlinear_ && !changing_; }
+  // The data's share of evaluate(); what was evaluated last is not evaluated again.
+  const Likelihood* of_data(const ParameterSet& at, bool with_gradient);
+  bool is_last(const ParameterSet& at, bool with_gradient) const;
   // The matrices at these values, and their derivatives; false where covariances are none.
   bool set_system(const ParameterSet& at, bool with_derivatives);
   const Likelihood& as_recorded(const Likelihood& of_values);
@@ -182,6 +185,13 @@ class RecordingsLikelihood {
   const LikelihoodTeam* team_ = nullptr;
   std::unique_ptr<Share> share_;  // of the team's work
   Likelihood of_team_;
+  const Likelihood* last_ = nullptr;  // of_data()'s, as long as nothing else has been asked
+  struct Value {
+    Eigen::MatrixXd value;
+    bool fixed;
+  };
+  std::vector<Value> last_values_;
+  bool last_has_gradient_ = false;
   StateSpace system_;
   const std::vector<StateSpace> none_;
   std::vector<StateSpace> derivatives_;

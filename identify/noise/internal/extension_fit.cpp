@@ -180,9 +180,10 @@ std::unique_ptr<Search> begin_search(const FittedModel& base, const ModelExtensi
     fitted.model = checked(std::move(fitted.model), recordings);
     if (step) as_formulas(fitted.model).longest_step = *step;
     out->likelihood = std::make_unique<RecordingsLikelihood>(fitted.model, recordings);
-    if (out->likelihood->status_at_start() != FilterStatus::ok) return nullptr;
     out->likelihood->condition_on_beginning();
     out->likelihood->weigh_by_priors();
+    // With its slope, which the search begins from.
+    if (out->likelihood->evaluate(fitted.model.parameters, true) == nullptr) return nullptr;
     out->x = coordinates(fitted.model.parameters);
     if ((is_constant(extension.kind) || is_curve(extension.kind)) && least_gain > 0.0 &&
         predicted_gain(out->likelihood->problem(), out->x) < least_gain) {

@@ -147,5 +147,31 @@ TEST(RecordingsLikelihood, OfKnownDynamicsItStays) {
   EXPECT_EQ(likelihood.log_likelihood_of_beginning(model.parameters), 0.0);
 }
 
+// What was asked for last is not evaluated again; nothing that is asked for in between changes it.
+TEST(RecordingsLikelihood, AskedAgainItSaysTheSame) {
+  const Model model = level_with_error(0.6);
+  const std::vector<Dataset> recordings = two_recordings(model);
+  RecordingsLikelihood likelihood(model, recordings), fresh(model, recordings);
+  const double before = likelihood.evaluate(model.parameters, false)->value;
+  const Likelihood first = *likelihood.evaluate(model.parameters, true);
+  EXPECT_NEAR(first.value, before, 1e-12 * std::abs(before));
+  EXPECT_EQ(first.gradient.size(), 4);
+  EXPECT_EQ(likelihood.evaluate(model.parameters, true)->gradient, first.gradient);
+  likelihood.score_products(model.parameters);
+  EXPECT_EQ(likelihood.evaluate(model.parameters, true)->gradient, first.gradient);
+  int shown = 0;
+  likelihood.watch(model.parameters, true, 0, [&](const FilteredState&) { ++shown; });
+  EXPECT_EQ(shown, recordings[0].size() - 2);  // two are taken by the diffuse start
+  EXPECT_EQ(likelihood.evaluate(model.parameters, true)->gradient, first.gradient);
+  ParameterSet other = model.parameters;
+  other[1].value *= 1.5;
+  const Likelihood there = *likelihood.evaluate(other, true);
+  EXPECT_EQ(there.gradient, fresh.evaluate(other, true)->gradient);
+  likelihood.condition_on_beginning();
+  fresh.condition_on_beginning();
+  EXPECT_EQ(likelihood.evaluate(other, true)->value, fresh.evaluate(other, true)->value);
+  EXPECT_NE(likelihood.evaluate(other, true)->value, there.value);
+}
+
 }  // namespace
 }  // namespace identikal
