@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 #include <fmt/format.h>
 
+#include "identify/estimate/distribution.h"
 #include "identify/filter/model_filter.h"
 #include "identify/model/check.h"
 #include "identify/model/model_file.h"
@@ -32,7 +33,10 @@ constexpr double kWithFirstPart = 2.0, kAskedFor = 10.0;
 
 struct ExtendedModel : FittedModel {
   std::vector<VectorXd> densities;  // of held-out rows, per recording; empty: it does not run
-  double criterion = 0.0;           // of the first part: log-likelihood less BIC's penalty
+  double log_density = 0.0;         // of the first part, but for a filter's beginning
+  double criterion = 0.0;           // that less BIC's penalty
+  double beginning = 0.0;           // log-density of what both leave out, and where it begins
+  std::vector<Index> begins;
 };
 
 std::vector<Dataset> first_parts(const std::vector<Dataset>& recordings, double hold_out) {
@@ -57,12 +61,17 @@ double log_of_contaminated(double squares, double m) {
   return larger + std::log1p(std::exp(std::min(near, far) - larger));
 }
 
-// log p(y(t) | y(1), ..., y(t-1)) of the rows from `from` on.
-std::optional<VectorXd> densities(const Model& model, const Dataset& data, Index from) {
+struct RowDensities {
+  VectorXd log_density;  // of each row; zero before `first`
+  Index first;           // that is not taken by a diffuse start
+};
+
+// log p(y(t) | y(1), ..., y(t-1)).
+std::optional<RowDensities> densities(const Model& model, const Dataset& data) {
   const FilterResult filter = run_filter(model, model.parameters, data);
-  if (filter.status != FilterStatus::ok || filter.first_proper > from) return std::nullopt;
-  VectorXd out = VectorXd::Zero(data.size() - from);
-  for (Index t = from; t < data.size(); ++t) {
+  if (filter.status != FilterStatus::ok) return std::nullopt;
+  VectorXd out = VectorXd::Zero(data.size());
+  for (Index t = filter.first_proper; t < data.size(); ++t) {
     std::vector<Index> present;
     for (Index i = 0; i < data.y.rows(); ++i) {
       if (!std::isnan(data.y(i, t))) present.push_back(i);
@@ -74,28 +83,32 @@ std::optional<VectorXd> densities(const Model& model, const Dataset& data, Index
     const MatrixXd L = factor.matrixL();
     const VectorXd z = L.triangularView<Eigen::Lower>().solve(VectorXd(filter.e(present, t)));
     const auto m = static_cast<double>(present.size());
-    out[t - from] = log_of_contaminated(z.squaredNorm(), m) - L.diagonal().array().log().sum() -
-                    0.5 * kLogTwoPi * m;
+    out[t] = log_of_contaminated(z.squaredNorm(), m) - L.diagonal().array().log().sum() -
+             0.5 * kLogTwoPi * m;
   }
-  return out;
+  return RowDensities{std::move(out), filter.first_proper};
 }
 
 bool predict(ExtendedModel& candidate, const std::vector<Dataset>& recordings,
              const std::vector<Dataset>& first) {
   constexpr Index kSettles = 5;  // a share of the first part: diffuse starts do not compare
   candidate.densities.clear();
-  candidate.criterion = 0.0;
+  candidate.begins.clear();
+  candidate.log_density = candidate.beginning = 0.0;
   double rows = 0.0;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Index held = first[r].size(), begin = held / kSettles;
-    const auto all = densities(candidate.model, recordings[r], begin);
-    if (!all) return false;
-    candidate.criterion += all->head(held - begin).sum();
+    const auto all = densities(candidate.model, recordings[r]);
+    if (!all || all->first > begin) return false;
+    const VectorXd& each = all->log_density;
+    candidate.log_density += each.segment(begin, held - begin).sum();
+    candidate.beginning += each.head(begin).sum();
+    candidate.begins.push_back(all->first);
     rows += static_cast<double>(held - begin);
-    candidate.densities.push_back(all->tail(all->size() - (held - begin)));
+    candidate.densities.push_back(each.tail(each.size() - held));
   }
   const auto unknowns = static_cast<double>(free_entries(candidate.model.parameters).size());
-  candidate.criterion -= 0.5 * unknowns * std::log(rows);
+  candidate.criterion = candidate.log_density - 0.5 * unknowns * std::log(rows);
   return true;
 }
 
@@ -107,6 +120,19 @@ bool pays(const GainByRow& gain) {
 bool pays(const GainByRow& gain, const ExtendedModel& more, const ExtendedModel& less) {
   return pays(gain) || (more.criterion > less.criterion + kAskedFor &&
                         gain.mean > kWithFirstPart * gain.se && gain.mean > kLeastGain);
+}
+
+// An error that lasts takes a constant in while the filter runs on, and held-out rows show nothing of
+// it; the next recording begins without. The first part asks for it where the filter's beginning counts:
+// by the likelihood ratio, since how many constants there are is no matter of choice.
+bool pays_from_the_start(const GainByRow& gain, const ExtendedModel& more,
+                         const ExtendedModel& less) {
+  constexpr double kChance = 1e-4;
+  const double likelier = more.log_density + more.beginning - less.log_density - less.beginning;
+  const auto constants = static_cast<double>(free_entries(more.model.parameters).size() -
+                                             free_entries(less.model.parameters).size());
+  return more.begins == less.begins && gain.mean > -gain.se && likelier > 0.0 &&
+         chi_square_upper_tail(2.0 * likelier, constants) < kChance;
 }
 
 GainByRow gain_of(const ExtendedModel& more, const ExtendedModel& less) {
@@ -121,7 +147,7 @@ std::optional<ExtendedModel> with_predictions(std::optional<FittedModel> fitted,
                                               const std::vector<Dataset>& recordings,
                                               const std::vector<Dataset>& first) {
   if (!fitted) return std::nullopt;
-  ExtendedModel out{std::move(*fitted), {}, 0.0};
+  ExtendedModel out{std::move(*fitted), {}, 0.0, 0.0, 0.0, {}};
   if (!predict(out, recordings, first)) return std::nullopt;
   return out;
 }
@@ -224,7 +250,8 @@ struct Round {
   const std::vector<Dataset>&recordings, &first;
   const ExtendOptions& options;
   std::vector<ExtensionTrial>& tried;
-  bool& runs;  // until the listener wants no more
+  bool& runs;    // until the listener wants no more
+  bool lasting;  // has an error that lasts been adopted?
   std::vector<Fitted> fitted;
 
   void try_parts(const std::vector<ModelExtension>& parts) {
@@ -237,12 +264,15 @@ struct Round {
     for (std::size_t i = 0; i < parts.size(); ++i) {
       auto candidate = with_predictions(std::move(found[i]), recordings, first);
       if (!candidate && !runs) continue;  // perhaps it was not begun
-      ExtensionTrial trial{in_words(parts[i]), kNone, kNone, false};
+      ExtensionTrial trial;
+      trial.what = in_words(parts[i]);
       if (candidate) {
         const GainByRow gain = gain_of(*candidate, best);
         trial.gain = gain.mean;
         trial.gain_se = gain.se;
-        const bool worth_it = pays(gain, *candidate, best);
+        trial.from_start =
+            lasting && is_constant(parts[i].kind) && pays_from_the_start(gain, *candidate, best);
+        const bool worth_it = trial.from_start || pays(gain, *candidate, best);
         const double asked_for = candidate->criterion - best.criterion;
         fitted.push_back({std::move(*candidate), gain, asked_for, worth_it, tried.size(), parts[i],
                           kind_of(parts[i].names[0], kinds)});
@@ -269,14 +299,16 @@ std::vector<std::string> table_of(const std::vector<ExtensionTrial>& tried) {
   std::size_t width = 36;
   for (const ExtensionTrial& trial : tried) width = std::max(width, trial.what.size());
   for (const ExtensionTrial& trial : tried) {
-    out.push_back(fmt::format("  {:<{}} {}{}", trial.what, width,
-                              std::isnan(trial.gain)
-                                  ? "no filter, no estimate, or nothing promised"
-                                  : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
-                              trial.adopted     ? "  adopted"
-                              : trial.ambiguous ? "  undecided"
-                              : trial.rival     ? "  as good"
-                                                : ""));
+    out.push_back(fmt::format(
+        "  {:<{}} {}{}", trial.what, width,
+        std::isnan(trial.gain) ? "no filter, no estimate, or nothing promised"
+                               : fmt::format("{:+.3f} +- {:.3f}", trial.gain, trial.gain_se),
+        trial.adopted && trial.from_start
+            ? "  adopted: an error that lasts takes it in only as a recording goes on"
+        : trial.adopted   ? "  adopted"
+        : trial.ambiguous ? "  undecided"
+        : trial.rival     ? "  as good"
+                          : ""));
   }
   return out;
 }
@@ -298,8 +330,9 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
   fit_values(best.model, first);  // where it does not determine all, it predicts with what it has
   bool runs = predict(best, recordings, first);
   std::vector<UndecidedPart> undecided;
+  bool lasting = false;
   for (int step = 0; runs && step < options.most; ++step) {
-    Round round{best, recordings, first, options, out.tried, runs, {}};
+    Round round{best, recordings, first, options, out.tried, runs, lasting, {}};
     round.try_parts(possible_extensions(best.root, best.model, first));
     if (runs) round.try_parts(opposite_pairs(round.fitted, best.model));
     std::vector<Fitted>& fitted = round.fitted;
@@ -318,6 +351,7 @@ ExtendResult tune_extended(const YamlNode& root, const Model& given,
     if (better.extension.alike && is_constant(better.extension.kind)) {
       add_singles(better.extension, fitted, undecided);
     }
+    lasting = lasting || better.extension.kind == ExtensionKind::lasting_error;
     best = std::move(better.candidate);
     out.text = model_file_text(best.root);
   }

@@ -239,6 +239,65 @@ TEST(Extend, ErrorsOfSensorsOfOneKindAreAlikeAndWildSamplesDoNotHideThem) {
   EXPECT_TRUE(with_one_part(of_two_alike(1.0, 0.0, 83)).text.empty());
 }
 
+// Distances to five places, each with an error that lasts for 2 s, and a constant.
+std::string ranges_text() {
+  std::string outputs, noise;
+  const double places[][2] = {{-3.4, 3.0}, {0.0, -3.1}, {3.6, 2.9}, {3.5, -3.0}, {-3.5, -0.1}};
+  for (int i = 0; i < 5; ++i) {
+    const std::string name = "d" + std::to_string(i);
+    outputs += "  " + name + ": {column: " + name + ", equals: \"sqrt((px - (" +
+               std::to_string(places[i][0]) + "))^2 + (py - (" + std::to_string(places[i][1]) +
+               "))^2)\"}\n";
+    noise += (i > 0 ? ", " : "") + name + ": r";
+  }
+  return "identikal: 1\nname: ranges\ntime: {kind: continuous, step: 0.1 s, column: t}\n"
+         "parameters: {q: {value: 0.01, min: 0}, r: {value: 0.01, min: 0}}\n"
+         "states: [px, py, vx, vy]\ndynamics: {px: vx, py: vy, vx: 0, vy: 0}\noutputs:\n" +
+         outputs +
+         "noise:\n  process: {kind: density, variance: {vx: q, vy: q}}\n  measurement: {variance: "
+         "{" +
+         noise +
+         "}}\ninitial: {mean: {px: 0, py: 0, vx: 0, vy: 0}, sd: {px: 3, py: 3, vx: 1, vy: 1}}\n";
+}
+
+Dataset ranges(double constant, std::uint64_t seed, Index rows) {
+  Random random(seed);
+  Dataset out;
+  out.name = "walk";
+  out.dt = 0.1;
+  out.time = Eigen::VectorXd::LinSpaced(rows, 0.0, 0.1 * static_cast<double>(rows - 1));
+  out.y.resize(5, rows);
+  out.u.resize(0, rows);
+  for (int i = 0; i < 5; ++i) out.outputs.push_back({"d" + std::to_string(i), ""});
+  const double places[][2] = {{-3.4, 3.0}, {0.0, -3.1}, {3.6, 2.9}, {3.5, -3.0}, {-3.5, -0.1}};
+  Eigen::Vector2d p(0.5, 0.2), v(0.0, 0.1);
+  Eigen::VectorXd error(5);
+  for (double& e : error) e = 0.06 * random.normal();
+  for (Index t = 0; t < rows; ++t) {
+    for (int i = 0; i < 5; ++i) {
+      const double distance = std::hypot(p[0] - places[i][0], p[1] - places[i][1]);
+      out.y(i, t) = distance + constant * (1.0 + 0.2 * i) + error[i] + 0.03 * random.normal();
+      const double keep = std::exp(-0.1 / 2.0);
+      error[i] = keep * error[i] + 0.06 * std::sqrt(1.0 - keep * keep) * random.normal();
+    }
+    p += 0.1 * v;
+    for (double& each : v) each += 0.03 * random.normal();
+  }
+  return out;
+}
+
+// While a filter runs on it takes a constant in as an error that lasts: rows held out show nothing of it.
+TEST(Extend, FindsConstantsBesideErrorsThatLast) {
+  const YamlNode root = parse_yaml(ranges_text(), "ranges.yaml");
+  const Model model = model_of(root, "ranges.yaml");
+  const std::string lasting = "errors that last, alike, of d0, d1, d2, d3, d4";
+  const ExtendResult off = tune_extended(root, model, {ranges(0.2, 1, 400)}, with_one_start());
+  EXPECT_EQ(adopted(off), lasting + "; biases of d0, d1, d2, d3, d4");
+  expect_value(off, "sd_errors", 0.06, 0.02);
+  const ExtendResult right = tune_extended(root, model, {ranges(0.0, 2, 400)}, with_one_start());
+  EXPECT_EQ(adopted(right), lasting);
+}
+
 TEST(Extend, FindsASensorThatIsLate) {
   const ExtendResult result = run({.late = 0.3}, 5, {}, 2000);
   EXPECT_EQ(adopted(result), "a delay of a");
