@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "lib/base/constants.h"
 #include "solvers/covariance.h"
 
 namespace identikal {
@@ -23,7 +23,6 @@ constexpr double kSmallestSpread =
 constexpr int kMostTurns = 60, kHalvings = 30;
 constexpr double kClose = 1e-15;     // gain still expected of the effects, in nats
 constexpr double kRounding = 1e-12;  // of a log-likelihood
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // The shared coordinates that concern each unit: those of all, and its own.
 std::vector<std::vector<Index>> shared_by_unit(const MixedEffectsProblem& problem) {
