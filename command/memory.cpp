@@ -3,9 +3,10 @@
 #include <atomic>
 #include <cerrno>
 #include <charconv>
-#include <cstdint>
+#include <cstddef>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <new>
 #include <string_view>
 
@@ -54,11 +55,11 @@ double bytes_of(std::string_view text) {
 #if defined(__GLIBC__) && defined(MADV_HUGEPAGE)
 namespace {
 
-constexpr int kAtOnce =
-    64 << 20;  // bytes by which the heap grows: pages that nobody touches cost nothing
+// Bytes by which the heap grows: pages that nobody touches cost nothing.
+constexpr int kAtOnce = 64 << 20;
 constexpr int kUsualStep = 128 << 10;  // glibc's own
 constexpr int kApart = 32 << 20;       // what is larger is given back when it is no longer used
-constexpr std::uintptr_t kPage = 2 << 20;
+constexpr std::size_t kPage = 2 << 20;
 
 }  // namespace
 
@@ -70,10 +71,9 @@ void take_large_pages() {
   mallopt(M_TRIM_THRESHOLD, 2 * kAtOnce);
   void* volatile grows = std::malloc(2 * kUsualStep);
   std::free(grows);
-  const auto end = reinterpret_cast<std::uintptr_t>(sbrk(0));
-  const std::uintptr_t first = (end - kAtOnce + kPage - 1) / kPage * kPage;
-  // NOLINTNEXTLINE(performance-no-int-to-ptr): a hint about addresses
-  madvise(reinterpret_cast<void*>(first), end - first, MADV_HUGEPAGE);
+  void* first = static_cast<char*>(sbrk(0)) - kAtOnce;
+  std::size_t size = kAtOnce;
+  if (std::align(kPage, kPage, first, size) != nullptr) madvise(first, size, MADV_HUGEPAGE);
 }
 #else
 void take_large_pages() {}

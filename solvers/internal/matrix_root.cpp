@@ -93,13 +93,6 @@ MatrixXd MatrixRoot::solve(const MatrixXd& b) const {
   return std::visit([&b](const auto& root) { return MatrixXd(root.solve(b)); }, factor_->root);
 }
 
-double MatrixRoot::smallest_pivot() const {
-  if (const auto* sparse = std::get_if<SparseFactor>(&factor_->root)) {
-    return VectorXd(sparse->matrixL().nestedExpression().diagonal()).cwiseAbs2().minCoeff();
-  }
-  return std::get<DenseFactor>(factor_->root).matrixLLT().diagonal().cwiseAbs2().minCoeff();
-}
-
 double MatrixRoot::smallest_eigenvalue() const {
   const double largest_of_inverse =
       largest_by_lanczos(factor_->size, [this](const VectorXd& v) { return VectorXd(solve(v)); });

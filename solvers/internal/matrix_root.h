@@ -22,8 +22,6 @@ class MatrixRoot {
 
   /// M^-1 b. @param b  n x any
   Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
-  /// The smallest eigenvalue of M is no larger.
-  double smallest_pivot() const;
   /// Of M, by Lanczos's method on its inverse.
   double smallest_eigenvalue() const;
 

@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
+#include "solvers/internal/matrix_root.h"
 #include "solvers/scoring.h"
 
 namespace identikal {
@@ -115,6 +116,38 @@ TEST(LargeInformation, OfLostRankIsRefused) {
   M.col(7) = M.col(5);
   M(7, 7) = M(5, 5);
   EXPECT_FALSE(scaled_inverse(M));
+}
+
+// Steps of a search: of some coordinates, of one that nothing is known of, with and without zeros.
+TEST(LargeInformation, DampedStepsAreThoseOfTheDenseMatrix) {
+  for (const bool sparse : {true, false}) {
+    MatrixXd M = sparse ? arrow(200, 0.03) : MatrixXd(MatrixXd::Constant(302, 302, 0.3));
+    if (!sparse) M.diagonal().setOnes();
+    const Index n = M.rows();
+    const VectorXd units = VectorXd::LinSpaced(n, 1e-2, 1e3);
+    M = units.asDiagonal() * M * units.asDiagonal();
+    M.row(9).setZero();
+    M.col(9).setZero();
+    std::vector<Index> free, known;
+    for (Index i = 3; i < n; ++i) {
+      free.push_back(i);
+      if (i != 9) known.push_back(i);
+    }
+    const VectorXd d = units.cwiseAbs2() * 0.5,
+                   g = units.cwiseProduct(VectorXd::LinSpaced(n, -1, 2));
+    DampedRoots roots(M, free, d);
+    for (const double lambda : {0.0, 1e-3, 10.0}) {
+      MatrixXd damped = M(known, known);
+      damped.diagonal() += lambda * VectorXd(d(known));
+      const VectorXd expected = damped.ldlt().solve(VectorXd(g(known)));
+      const auto step = roots.solve(g, lambda);
+      ASSERT_TRUE(step);
+      const VectorXd difference = VectorXd((*step)(known)) - expected;
+      EXPECT_LT(difference.cwiseQuotient(expected).cwiseAbs().maxCoeff(), 1e-8);
+      EXPECT_EQ((*step)[9], 0.0);
+      EXPECT_EQ((*step)[1], 0.0);
+    }
+  }
 }
 
 }  // namespace
