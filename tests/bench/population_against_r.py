@@ -1,4 +1,5 @@
-"""Populations within the likelihood beside R's lme4 (the same approximation, Laplace's) and nlme, on data that R brings along.
+"""Populations within the likelihood beside R's lme4 (the same approximation, Laplace's) and nlme, on data that R brings along: reaction
+times without sleep, a straight line with correlated effects, and two curves.
 
     python3 tests/bench/population_against_r.py build/identikal
 
@@ -38,6 +39,17 @@ inputs: {dose: {column: Dose}, hours: {column: Time}}
 outputs: {conc: {column: conc, equals: dose*ke*ka/Cl*(exp(-ke*hours) - exp(-ka*hours))/(ka - ke)}}
 noise: {measurement: {sd: {conc: s}}}
 """
+SLEEP = """identikal: 1
+model: static
+parameters:
+  a: {value: 250, per: recording, spread: 20}
+  b: {value: 10, per: recording, spread: 5}
+  s: {value: 25, min: 0}
+spreads: correlated
+inputs: {Days: {column: Days}}
+outputs: {Reaction: {column: Reaction, equals: a + b*Days}}
+noise: {measurement: {sd: {Reaction: s}}}
+"""
 R = """
 suppressMessages({library(lme4); library(nlme)})
 o <- as.data.frame(Orange); o$Tree <- as.character(o$Tree); write.csv(o, "orange.csv", row.names=FALSE, quote=FALSE)
@@ -47,6 +59,8 @@ now <- function() as.numeric(proc.time()["elapsed"])
 tight <- nlmerControl(tolPwrss=1e-12)
 b <- now(); out("orange_lme4", suppressWarnings(nlmer(circumference ~ SSlogis(age, Asym, xmid, scal) ~ Asym|Tree, o, start=c(Asym=200, xmid=725, scal=350), control=tight)), b)
 b <- now(); out("orange_nlme", nlme(circumference ~ SSlogis(age, Asym, xmid, scal), data=groupedData(circumference ~ age | Tree, o), fixed=Asym+xmid+scal~1, random=Asym~1, start=c(200, 725, 350)), b)
+data(sleepstudy); write.csv(sleepstudy, "sleep.csv", row.names=FALSE, quote=FALSE)
+b <- now(); m <- lmer(Reaction ~ Days + (Days|Subject), sleepstudy, REML=FALSE); cat("sleep_lme4", format(c(as.numeric(logLik(m)), fixef(m), attr(VarCorr(m)[[1]], "stddev"), sigma(m)), digits=10), now() - b, "\\n")
 f <- deriv(~ Dose*exp(lKe+lKa-lCl)*(exp(-exp(lKe)*Time)-exp(-exp(lKa)*Time))/(exp(lKa)-exp(lKe)), c("lKe","lKa","lCl"), function(Dose, Time, lKe, lKa, lCl) NULL)
 b <- now(); out("theophylline_lme4", suppressWarnings(nlmer(conc ~ f(Dose, Time, lKe, lKa, lCl) ~ (lKa|Subject)+(lCl|Subject), t, start=c(lKe=-2.5, lKa=0.5, lCl=-3.2), control=tight)), b)
 b <- now(); out("theophylline_nlme", nlme(conc ~ SSfol(Dose, Time, lKe, lKa, lCl), data=Theoph, fixed=lKe+lKa+lCl~1, random=pdDiag(lKa+lCl~1), start=c(-2.5, 0.5, -3.2), method="ML"), b)
@@ -85,7 +99,7 @@ with tempfile.TemporaryDirectory() as folder:
         if name == "theophylline_lme4":
             print(f"  by dense algebra at lme4's end {by_dense_algebra([float(x) for x in rest[:-1]]):.7f}")
         print(f"{name:20} log-likelihood {float(value):.7f}, fixed {' '.join(rest[:-1])}, {float(rest[-1]):.2f} s")
-    for name, model, by in (("orange", ORANGE, "Tree"), ("theophylline", THEOPHYLLINE, "Subject")):
+    for name, model, by in (("sleep", SLEEP, "Subject"), ("orange", ORANGE, "Tree"), ("theophylline", THEOPHYLLINE, "Subject")):
         pathlib.Path("model.yaml").write_text(model)
         begin = time.monotonic()
         done = subprocess.run([PROGRAM, "fleet", "joint", "model.yaml", f"{name}.csv", "--by", by, "--workers", "1", "--json"], capture_output=True, text=True)

@@ -239,14 +239,15 @@ TEST(Extend, ErrorsOfSensorsOfOneKindAreAlikeAndWildSamplesDoNotHideThem) {
   EXPECT_TRUE(with_one_part(of_two_alike(1.0, 0.0, 83)).text.empty());
 }
 
+constexpr double kPlaces[][2] = {{-3.4, 3.0}, {0.0, -3.1}, {3.6, 2.9}, {3.5, -3.0}, {-3.5, -0.1}};
+
 // Distances to five places, each with an error that lasts for 2 s, and a constant.
 std::string ranges_text() {
   std::string outputs, noise;
-  const double places[][2] = {{-3.4, 3.0}, {0.0, -3.1}, {3.6, 2.9}, {3.5, -3.0}, {-3.5, -0.1}};
   for (int i = 0; i < 5; ++i) {
     const std::string name = "d" + std::to_string(i);
     outputs += "  " + name + ": {column: " + name + ", equals: \"sqrt((px - (" +
-               std::to_string(places[i][0]) + "))^2 + (py - (" + std::to_string(places[i][1]) +
+               std::to_string(kPlaces[i][0]) + "))^2 + (py - (" + std::to_string(kPlaces[i][1]) +
                "))^2)\"}\n";
     noise += (i > 0 ? ", " : "") + name + ": r";
   }
@@ -269,13 +270,12 @@ Dataset ranges(double constant, std::uint64_t seed, Index rows) {
   out.y.resize(5, rows);
   out.u.resize(0, rows);
   for (int i = 0; i < 5; ++i) out.outputs.push_back({"d" + std::to_string(i), ""});
-  const double places[][2] = {{-3.4, 3.0}, {0.0, -3.1}, {3.6, 2.9}, {3.5, -3.0}, {-3.5, -0.1}};
   Eigen::Vector2d p(0.5, 0.2), v(0.0, 0.1);
   Eigen::VectorXd error(5);
   for (double& e : error) e = 0.06 * random.normal();
   for (Index t = 0; t < rows; ++t) {
     for (int i = 0; i < 5; ++i) {
-      const double distance = std::hypot(p[0] - places[i][0], p[1] - places[i][1]);
+      const double distance = std::hypot(p[0] - kPlaces[i][0], p[1] - kPlaces[i][1]);
       out.y(i, t) = distance + constant * (1.0 + 0.2 * i) + error[i] + 0.03 * random.normal();
       const double keep = std::exp(-0.1 / 2.0);
       error[i] = keep * error[i] + 0.06 * std::sqrt(1.0 - keep * keep) * random.normal();
