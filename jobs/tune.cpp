@@ -103,13 +103,13 @@ NoiseEstimate by_both(const TuneOptions& given, const Model& model,
 NoiseEstimate by_references(const TuneOptions& given, const Model& model,
                             const std::vector<Dataset>& recordings, const Run& run) {
   ReferenceTuningOptions options;
-  options.starts = given.search.number_of_starts();
+  options.starts = static_cast<int>(given.search.starts);
   options.seed = given.search.seed_number();
+  const int starts = given.search.number_of_starts();
   options.progress = [&](int start, int iteration, double criterion) {
     const std::string what = fmt::format("start {} of {}, iteration {}, criterion {:.6f}", start,
-                                         options.starts, iteration, criterion);
-    return report_progress(run.call, what, static_cast<double>(start - 1) / options.starts,
-                           -criterion);
+                                         starts, iteration, criterion);
+    return report_progress(run.call, what, static_cast<double>(start - 1) / starts, -criterion);
   };
   return tune_to_references(model, recordings, options);
 }

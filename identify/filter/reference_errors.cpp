@@ -43,32 +43,19 @@ class Quantities {
             with_derivatives_ ? Derivatives::second : Derivatives::first);
   }
 
-  ReferenceError compare(Index i, const FilteredState& state, double measured) const {
-    const Index n = state.x.size();
-    const Eigen::RowVectorXd H = slopes_.wrt_x.row(i);
-    ReferenceError out;
+  const ReferenceError& compare(std::size_t recording, Index i, const FilteredState& state,
+                                double measured) {
+    ReferenceError& out = error_;
+    out.recording = recording;
+    out.row = state.t;
+    H_ = slopes_.wrt_x.row(i).transpose();
+    PH_.noalias() = state.P * H_;
     out.reference = i;
     out.e = values_[i] - measured;
     if (references_.channels[static_cast<std::size_t>(i)].wraps) out.e = nearest_turn(out.e);
     const double sd = references_.sd[static_cast<std::size_t>(i)];
-    const VectorXd PH = state.P * H.transpose();
-    out.v = H.dot(PH) + sd * sd;
-    if (!with_derivatives_) return out;
-    out.de = state.dx.transpose() * H.transpose();
-    for (const Moved& each : moved_) out.de[each.entry] += slopes_.wrt_p(i, each.column);
-    out.dv.resize(state.dx.cols());
-    const Index outputs = slopes_.wrt_x.rows();
-    for (Index k = 0; k < out.dv.size(); ++k) {
-      VectorXd dH = VectorXd::Zero(n);
-      for (Index l = 0; l < n; ++l) {
-        const auto row = slopes_.wrt_x_jacobian.row(i + outputs * l);
-        dH[l] = row.head(n).dot(state.dx.col(k));
-        for (const Moved& each : moved_) {
-          if (each.entry == k) dH[l] += row[n + each.column];
-        }
-      }
-      out.dv[k] = H.dot(state.dP.col(k).reshaped(n, n) * H.transpose()) + 2.0 * dH.dot(PH);
-    }
+    out.v = H_.dot(PH_) + sd * sd;
+    if (with_derivatives_) differentiate(state);
     return out;
   }
 
@@ -76,12 +63,35 @@ class Quantities {
   struct Moved {
     Index entry, column;
   };
+
+  // de = H dx + dh/dp,  dv = H dP H' + 2 dH P H'.
+  void differentiate(const FilteredState& state) {
+    ReferenceError& out = error_;
+    const Index n = state.x.size(), outputs = slopes_.wrt_x.rows();
+    HH_.noalias() = H_ * H_.transpose();
+    out.de.noalias() = state.dx.transpose() * H_;
+    out.dv.noalias() = state.dP.transpose() * HH_.reshaped();
+    bend_.setZero(slopes_.wrt_x_jacobian.cols());  // of H P H', P held, by x and the parameters
+    for (Index l = 0; l < n; ++l) {
+      bend_ += 2.0 * PH_[l] * slopes_.wrt_x_jacobian.row(out.reference + outputs * l).transpose();
+    }
+    out.dv.noalias() += state.dx.transpose() * bend_.head(n);
+    for (const Moved& each : moved_) {
+      out.de[each.entry] += slopes_.wrt_p(out.reference, each.column);
+      out.dv[each.entry] += bend_[n + each.column];
+    }
+  }
+
   const StateReferences& references_;
   ModelMemory memory_;
   VectorXd values_;
   Jacobian slopes_;
   std::vector<Moved> moved_;
   bool with_derivatives_;
+  // Of the reference compared last; their memory serves again.
+  VectorXd H_, PH_, bend_;
+  MatrixXd HH_;
+  ReferenceError error_;
 };
 
 // A program's samples are in SI and have no names of their own.
@@ -106,10 +116,7 @@ FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
       quantities.look(state, recording);
       for (Index i = 0; i < measured.size(); ++i) {
         if (std::isnan(measured[i])) continue;
-        ReferenceError error = quantities.compare(i, state, measured[i]);
-        error.recording = r;
-        error.row = state.t;
-        see(error);
+        see(quantities.compare(r, i, state, measured[i]));
       }
     };
     if (recording.reference.rows() == 0) continue;

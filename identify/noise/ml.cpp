@@ -347,7 +347,9 @@ NoiseEstimate tune_ml(const Model& given, const std::vector<Dataset>& recordings
   }
   if (found.best.summary.termination != Termination::stopped) {
     append(estimate.findings, check_starts(found));
-    append(estimate.findings, check_against_references(model, end, recordings));
+    if (options.asks_references) {
+      append(estimate.findings, check_against_references(model, end, recordings));
+    }
   }
   conclude(estimate, "converged");
   return estimate;

@@ -42,6 +42,8 @@ struct NoiseMlOptions {
   int threads = 1;        ///< searches and profiles at a time; 0: as many as there are cores
   bool profiles = true;   ///< profile intervals, where an evaluation is cheap
   bool pictures = false;  ///< searches and profiles as curves, RecordingFit::pictures
+  /// Whether references would have other noise (check_against_references()), where there are any.
+  bool asks_references = true;
   /// Called after every iteration; return false to stop: the best so far, not converged.
   std::function<bool(int start, int iteration, double log_likelihood)> progress;
 };

@@ -34,6 +34,7 @@ constexpr double kBandWeight = 0.01;  // of (log nu)^2
 // Searches with the rows that count for the last one's filter; where those turn back and forth,
 // the later ones are taken.
 constexpr int kMostAnew = 10, kTurns = 4;
+constexpr int kUsualStarts = 5, kSureStarts = 3;
 
 // What an optimiser moves: logarithms of what cannot be negative, all else as it is.
 class LogCoordinates {
@@ -242,8 +243,9 @@ struct BestOfStarts {
   int tried = 0, agree = 0, iterations = 0, evaluations = 0;
 };
 
+// @param until_sure  stop when so many have ended at one optimum and none elsewhere
 BestOfStarts closest_of(Criterion& criterion, const std::vector<ParameterSet>& starts,
-                        const ReferenceTuningOptions& options) {
+                        const ReferenceTuningOptions& options, int until_sure) {
   constexpr double kSame = 1e-4;
   const LikelihoodProblem problem = criterion.problem();
   BestOfStarts out;
@@ -266,9 +268,10 @@ BestOfStarts closest_of(Criterion& criterion, const std::vector<ParameterSet>& s
         end.summary.objective > out.best.summary.objective) {
       out.best = end;
     }
-    if (stopped) break;
+    const auto is_best = [&](double of) { return out.best.summary.objective - of < kSame; };
+    out.agree = static_cast<int>(std::count_if(ends.begin(), ends.end(), is_best));
+    if (stopped || (out.tried >= until_sure && out.agree == out.tried)) break;
   }
-  for (const double end : ends) out.agree += out.best.summary.objective - end < kSame ? 1 : 0;
   if (stopped) {
     out.best.summary.termination = Termination::stopped;
     out.best.summary.message = "stopped by the caller";
@@ -378,28 +381,31 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
                      "no prior", "'tune' without --for takes priors");
   }
   check_recordings(model, recordings);
+  const int count = options.starts > 0 ? options.starts : kUsualStarts;
+  const int until_sure = options.starts > 0 ? count : kSureStarts;
   std::vector<ParameterSet> starts{model.parameters};
-  if (options.starts > 1) {
+  if (count > 1) {
     NoiseMlOptions once;
     once.starts = 1;
     once.profiles = false;
+    once.asks_references = false;
     const NoiseEstimate likeliest = tune_ml(model, recordings, once);
     starts.push_back(parameters_of(likeliest, model.parameters));
   }
   for (ParameterSet& start : slower_and_faster(model, starts.back())) {
-    if (static_cast<int>(starts.size()) < options.starts) starts.push_back(std::move(start));
+    if (static_cast<int>(starts.size()) < count) starts.push_back(std::move(start));
   }
   Random random(options.seed);
-  while (static_cast<int>(starts.size()) < options.starts) {
+  while (static_cast<int>(starts.size()) < count) {
     starts.push_back(scattered_start(model.parameters, random));
   }
   Criterion criterion(model, starts.size() > 1 ? starts[1] : starts[0], recordings);
-  BestOfStarts found = closest_of(criterion, starts, options);
+  BestOfStarts found = closest_of(criterion, starts, options, until_sure);
   // The rows that count are those of the filter that is found.
   for (int i = 0; i < kMostAnew && found.best.summary.usable(); ++i) {
     const ParameterSet so_far = criterion.coordinates.parameters(found.best.x);
     if (!criterion.begin_where_settled(so_far, i >= kTurns)) break;
-    const BestOfStarts again = closest_of(criterion, {so_far}, options);
+    const BestOfStarts again = closest_of(criterion, {so_far}, options, 1);
     if (again.tried == 0) break;
     found.best = again.best;
     found.iterations += again.iterations;
@@ -440,7 +446,7 @@ Findings check_against_references(const Model& model, const ParameterSet& likeli
   Criterion criterion(model, likeliest, recordings);
   std::vector<ParameterSet> starts = slower_and_faster(model, likeliest);
   starts.push_back(likeliest);
-  const BestOfStarts found = closest_of(criterion, starts, {});
+  const BestOfStarts found = closest_of(criterion, starts, {}, 3);
   if (found.tried == 0 || !found.best.summary.usable()) return {};
   const auto covariance = criterion.covariance(found.best.x);
   const VectorXd moved = found.best.x - criterion.coordinates.of(likeliest);

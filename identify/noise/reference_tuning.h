@@ -16,8 +16,9 @@
 namespace identikal {
 
 struct ReferenceTuningOptions {
-  int starts =
-      5;  ///< optimisations: the model's values, the likeliest, slower and faster filters, scattered
+  /// Optimisations: from the model's values, the likeliest, a slower filter, a faster one, scattered ones;
+  /// 0: up to five, until the first three or more of them agree.
+  int starts = 0;
   std::uint64_t seed = 1;  ///< of the scattered starts
   /// Called after every iteration; return false to stop: the best so far, not converged.
   std::function<bool(int start, int iteration, double criterion)> progress;

@@ -29,18 +29,52 @@ Likelihood finite(Likelihood out) {
   return out;
 }
 
-// Innovations alone, or the products of scores: what needs no states goes without allocation.
-Likelihood run_tangents(const StateSpace& model, InitialState initial, const MatrixXd& y,
-                        const MatrixXd& u, const std::vector<StateSpace>& derivatives,
-                        FilterResult* store, MatrixXd* score_products) {
-  const Presence presence = find_presence(y);
+// What is wanted of the samples beside the likelihood, where not null.
+struct Wanted {
+  FilterResult* store = nullptr;
+  MatrixXd* score_products = nullptr;
+  const FilteredStateWatcher* watcher = nullptr;
+};
+
+Likelihood no_likelihood(const std::vector<StateSpace>& derivatives) {
   const auto k = static_cast<Index>(derivatives.size());
   Likelihood out;
   out.gradient.setZero(k);
   out.information.setZero(k, k);
+  return out;
+}
+
+Likelihood run_tangents(const StateSpace& model, InitialState initial, const MatrixXd& y,
+                        const MatrixXd& u, const std::vector<StateSpace>& derivatives,
+                        const Wanted& wanted) {
+  check_shapes(model, initial, derivatives);
+  check_sizes(model, y, u);
+  const Presence presence = find_presence(y);
+  Likelihood out = no_likelihood(derivatives);
   TangentFilter filter;
   filter.prepare(model, derivatives);
-  out.status = filter.run({y, u, presence, {}, nullptr, store, score_products}, initial, out);
+  out.status =
+      filter.run({y, u, presence, {}, nullptr, wanted.store, wanted.score_products, wanted.watcher},
+                 initial, out);
+  return finite(std::move(out));
+}
+
+Likelihood run_tangents(const ModelAt& model, InitialState initial, const MatrixXd& y,
+                        const MatrixXd& u, bool with_derivatives, bool motion_changes,
+                        const Wanted& wanted) {
+  StateSpace first;
+  std::vector<StateSpace> derivatives;
+  model(0, first, with_derivatives ? &derivatives : nullptr);
+  check_shapes(first, initial, derivatives);
+  check_sizes(first, y, u);
+  const Presence presence = find_presence(y);
+  Likelihood out = no_likelihood(derivatives);
+  if (wanted.score_products != nullptr) *wanted.score_products = out.information;
+  TangentFilter filter;
+  out.status = filter.run_changing(
+      {model, with_derivatives, motion_changes},
+      {y, u, presence, {}, nullptr, wanted.store, wanted.score_products, wanted.watcher}, initial,
+      out);
   return finite(std::move(out));
 }
 
@@ -50,10 +84,13 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
                            const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                            Keep keep) {
   const std::vector<StateSpace> none;
-  Recursion recursion(model, initial, y, u, none);  // checks the shapes
-  if (keep == Keep::everything) return run(recursion, model.states(), y, keep);
+  if (keep == Keep::everything) {
+    Recursion recursion(model, initial, y, u, none);
+    return run(recursion, model.states(), y, keep);
+  }
+  check_shapes(model, initial, none);
   FilterResult out = empty_filter_result(model.states(), y.rows(), y.cols(), keep);
-  const Likelihood likelihood = run_tangents(model, initial, y, u, none, &out, nullptr);
+  const Likelihood likelihood = run_tangents(model, initial, y, u, none, {.store = &out});
   out.status = likelihood.status;
   out.log_likelihood = likelihood.value;
   return out;
@@ -70,56 +107,23 @@ FilterResult kalman_filter(const ModelAt& model, InitialState initial,
   return run(recursion, now.states(), y, keep);
 }
 
-namespace {
-
-Likelihood run_changing(const ModelAt& model, InitialState initial,
-                        const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
-                        bool with_derivatives, RecursionOptions& options) {
-  StateSpace now;
-  std::vector<StateSpace> derivatives;
-  std::vector<StateSpace>* const wanted = with_derivatives ? &derivatives : nullptr;
-  model(0, now, wanted);
-  Recursion recursion(now, initial, y, u, derivatives);
-  recursion.set_model_change([&](Index t) { model(t, now, wanted); }, derivatives);
-  return recursion.run(options);
-}
-
-}  // namespace
-
 Likelihood log_likelihood(const ModelAt& model, InitialState initial,
                           const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                           bool with_derivatives, bool motion_changes) {
-  const MatrixXd outputs = y, inputs = u;
-  const Presence presence = find_presence(outputs);
-  Likelihood out;
-  StateSpace first;
-  std::vector<StateSpace> derivatives;
-  model(0, first, with_derivatives ? &derivatives : nullptr);
-  check_shapes(first, initial, derivatives);
-  check_sizes(first, y, u);
-  out.gradient.setZero(static_cast<Index>(derivatives.size()));
-  out.information.setZero(out.gradient.size(), out.gradient.size());
-  TangentFilter filter;
-  out.status = filter.run_changing({model, with_derivatives, motion_changes},
-                                   {outputs, inputs, presence, {}}, initial, out);
-  return finite(std::move(out));
+  return run_tangents(model, initial, y, u, with_derivatives, motion_changes, {});
 }
 
 Likelihood watch_filtered_states(const ModelAt& model, InitialState initial,
                                  const Eigen::Ref<const MatrixXd>& y,
                                  const Eigen::Ref<const MatrixXd>& u, bool with_derivatives,
                                  const FilteredStateWatcher& see) {
-  RecursionOptions options;
-  options.watcher = &see;
-  return run_changing(model, initial, y, u, with_derivatives, options);
+  return run_tangents(model, initial, y, u, with_derivatives, true, {.watcher = &see});
 }
 
 MatrixXd score_products(const ModelAt& model, InitialState initial,
                         const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u) {
   MatrixXd out;
-  RecursionOptions options;
-  options.score_products = &out;
-  const Likelihood l = run_changing(model, initial, y, u, true, options);
+  const Likelihood l = run_tangents(model, initial, y, u, true, true, {.score_products = &out});
   return l.status == FilterStatus::ok ? out : MatrixXd();
 }
 
@@ -135,18 +139,15 @@ Likelihood watch_filtered_states(const StateSpace& model, InitialState initial,
                                  const Eigen::Ref<const MatrixXd>& u,
                                  const std::vector<StateSpace>& derivatives,
                                  const FilteredStateWatcher& see) {
-  RecursionOptions options;
-  options.watcher = &see;
-  return Recursion(model, initial, y, u, derivatives).run(options);
+  return run_tangents(model, initial, y, u, derivatives, {.watcher = &see});
 }
 
 MatrixXd score_products(const StateSpace& model, InitialState initial,
                         const Eigen::Ref<const MatrixXd>& y, const Eigen::Ref<const MatrixXd>& u,
                         const std::vector<StateSpace>& derivatives) {
-  check_shapes(model, initial, derivatives);
   const auto k = static_cast<Index>(derivatives.size());
   MatrixXd out = MatrixXd::Zero(k, k);
-  const Likelihood l = run_tangents(model, initial, y, u, derivatives, nullptr, &out);
+  const Likelihood l = run_tangents(model, initial, y, u, derivatives, {.score_products = &out});
   return l.status == FilterStatus::ok && out.allFinite() ? out : MatrixXd();
 }
 

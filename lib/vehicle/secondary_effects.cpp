@@ -41,7 +41,7 @@ class RollingCar {
         damping_(kUsualRollDamping * std::exp(effects[kRollDecay])),
         arm_(kUsualRollArm * (car.a + car.b) + effects[kRollArm]),
         gravity_(kStandardGravity * std::sin(car.bank)),
-        wide_(effects[kWideAngles] > 0.0) {
+        wide_(effects[kWideAngles]) {
     if (!(car.roll_gradient > 0.0)) return;
     gradient_ = car.roll_gradient;
     frequency_ = 2.0 * std::numbers::pi * car.roll_frequency;
@@ -55,9 +55,10 @@ class RollingCar {
   }
 
   FrontWheel turned(double angle) const {
-    if (!wide_) return {angle};
+    if (wide_ == 0.0) return {angle};
     const double tangent = effects_[kFrontDrive] * std::tan(angle);
-    return {angle, std::cos(angle) + tangent * std::sin(angle), car_.m * tangent};
+    const double across = std::cos(angle) + tangent * std::sin(angle);
+    return {angle, 1.0 + wide_ * (across - 1.0), wide_ * car_.m * tangent};
   }
 
   AxleForces steady_forces(const RollingState& x, const DrivenSegment::Node& at,
@@ -114,7 +115,9 @@ class RollingCar {
   }
 
  private:
-  double slip(double tangent) const { return wide_ ? std::atan(tangent) : tangent; }
+  double slip(double tangent) const {
+    return wide_ == 0.0 ? tangent : tangent + wide_ * (std::atan(tangent) - tangent);
+  }
 
   double front_force(const RollingState& x, const AxleForces& F, const DrivenSegment::Node& at,
                      const FrontWheel& wheel) const {
@@ -167,7 +170,7 @@ class RollingCar {
   SecondaryEffects effects_;
   AxleCurve front_, rear_;
   double gradient_, frequency_, damping_, arm_, gravity_;
-  bool wide_;
+  double wide_;
 };
 
 RollingState moved(const RollingState& x, const RollingState& rate, double t) {

@@ -26,7 +26,8 @@ enum SecondaryEffect {
   kHeightOfAy,         ///< how far its sensor sits above the centre of gravity [m]
   kTyreSoftening,      ///< (axle load / largest force)^2 of the front axle, with the curve tanh
   kRearSoftening,      ///< logarithm of the rear axle's over it
-  kWideAngles,         ///< 1: angles may be of any size; 0: wheels turn and slip by small ones
+  kWideAngles,         ///< 1: angles may be of any size; 0: wheels turn and slip by small ones, as
+                       ///< in many simulators; between them so much of the difference
   kFrontDrive,         ///< share of the front wheels in drive and brake, where angles are wide
   kLagOfR,             ///< time constant of the sensor's filter [s]
   kLagOfVy,            ///< of vy and beta [s]

@@ -103,10 +103,15 @@ class StudyUnknowns {
       add_effect(kTyreSoftening, 0.8, 0.5, "", gently);
       add_effect(kRearSoftening, 0.0, 0.15, "", gently, false);
     }
-    if (wide_angle(problem_, p_)) {
-      add_drive();
-    }
+    if (wide_angle(problem_, p_)) add_wide_angles();
     add_sensor_effects(wheelbase);
+  }
+
+  /// Angles of a car are wide, those of a simulator may be small of any size.
+  void add_wide_angles() {
+    add_effect(kWideAngles, 1.0, 0.3, "", "gentler turns");
+    all.back().upper = 1.0;
+    add_drive();
   }
 
   /// The driven wheels are known where the file says so; brakes and drag are on the others too.

@@ -39,7 +39,6 @@ class StructureSearch {
     unknowns_ = study_unknowns(problem, at_.p);
     at_.effects[kTyreRelaxation] = at_.p[kRelaxationLength];
     wide_angle_ = wide_angle(problem, at_.p);
-    at_.effects[kWideAngles] = wide_angle_ ? 1.0 : 0.0;
     for (const StudyUnknown& u : unknowns_) {
       if (u.kind == StudyUnknown::Kind::effect && u.sd < kInfinity) entry(at_, u) = u.mean;
     }

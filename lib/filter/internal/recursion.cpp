@@ -329,11 +329,9 @@ Likelihood Recursion::run(RecursionOptions& options, FilterResult* store) {
   const auto k = static_cast<Index>(sensitivities_.size());
   out.gradient = VectorXd::Zero(k);
   out.information = MatrixXd::Zero(k, k);
-  VectorXd scored = out.gradient;  // up to the last sample
-  if (options.score_products != nullptr) options.score_products->setZero(k, k);
   // States are wanted at every sample; a model that changes has no constant gain.
-  const bool may_run_on = options.constant_gain && options.watcher == nullptr && !change_model_ &&
-                          (store == nullptr || store->P_pred.empty());
+  const bool may_run_on =
+      options.constant_gain && !change_model_ && (store == nullptr || store->P_pred.empty());
   Place place;
   for (Index t = 0; t < y_.cols() && status_ == FilterStatus::ok;) {
     if (change_model_ && t > 0) change_model_(t);
@@ -342,17 +340,11 @@ Likelihood Recursion::run(RecursionOptions& options, FilterResult* store) {
       t = skipped_to;
       continue;
     }
-    if (status_ == FilterStatus::ok) step(t, out, store, options.watcher);
+    if (status_ == FilterStatus::ok) step(t, out, store);
     if (status_ != FilterStatus::ok) break;
-    if (options.score_products != nullptr && !diffuse_) {
-      const VectorXd score = out.gradient - scored;
-      *options.score_products += score * score.transpose();
-      scored = out.gradient;
-    }
     ++t;
     if (settled_ && !diffuse_ && may_run_on) {
-      t = run_with_constant_gain(t, place.segment, out, store, options.score_products);
-      scored = out.gradient;
+      t = run_with_constant_gain(t, place.segment, out, store);
     }
   }
   finish(out);
@@ -360,8 +352,7 @@ Likelihood Recursion::run(RecursionOptions& options, FilterResult* store) {
 }
 
 // Once every direction of delta is determined, it is folded in.
-void Recursion::step(Index t, Likelihood& out, FilterResult* store,
-                     const FilteredStateWatcher* watcher) {
+void Recursion::step(Index t, Likelihood& out, FilterResult* store) {
   find_present(t);
   if (!present_.empty()) innovate(t, false);
   if (status_ != FilterStatus::ok) return;
@@ -369,7 +360,6 @@ void Recursion::step(Index t, Likelihood& out, FilterResult* store,
     if (!store->P_pred.empty()) store_states(*store, t);
     if (!diffuse_) store_innovation(*store, t);
   }
-  if (watcher != nullptr && !diffuse_) show_filtered(t, *watcher);
   if (present_.empty()) {
     advance_unmeasured(t);
   } else {
@@ -467,7 +457,7 @@ Index Recursion::run_by_direct_code(Index t, const Segment& segment, bool stop_w
 
 // From sample t on, as long as no sample is missing. Returns the first one that is not processed.
 Index Recursion::run_with_constant_gain(Index t, Segment* segment, Likelihood& out,
-                                        FilterResult* store, MatrixXd* score_products) {
+                                        FilterResult* store) {
   const SettledFilter filter{model_, F_, K_, llt_, sensitivities_};
   const Index begin = t;
   VectorXd x = Z_.col(0);
@@ -475,7 +465,7 @@ Index Recursion::run_with_constant_gain(Index t, Segment* segment, Likelihood& o
     t = run_in_lanes(filter, y_, *segment, t, x, out.value);
   }
   SteadyRun steady(filter, y_, u_, std::move(x));
-  t = steady.run(t, store, innovation_sd(), score_products);
+  t = steady.run(t, store, innovation_sd());
   steady.add_to(out);
   Z_.col(0) = steady.x();
   for (std::size_t i = 0; i < sensitivities_.size(); ++i) {
@@ -540,41 +530,6 @@ void Recursion::store_states(FilterResult& store, Index t) const {
   store.x_filt.col(t) = x;
   store.P_filt[t] = P;
   store.Sigma[t] = full_.C * P_ * full_.C.transpose() + full_.R;
-}
-
-void Recursion::show_filtered(Index t, const FilteredStateWatcher& see) {
-  const Index n = P_.rows();
-  const auto k = static_cast<Index>(sensitivities_.size());
-  filtered_.t = t;
-  filtered_.x = Z_.col(0);
-  filtered_.P = P_;
-  filtered_.dx.resize(n, k);
-  filtered_.dP.resize(n * n, k);
-  const bool measured = !present_.empty();
-  MatrixXd rest = MatrixXd::Identity(n, n);  // I - Kf C
-  if (measured) {
-    Kf_ = filter_gain();
-    filtered_.x += Kf_ * E_.col(0);
-    filtered_.P = filtered_covariance(Kf_);
-    rest -= Kf_ * now_.C;
-  }
-  for (Index i = 0; i < k; ++i) {
-    const Sensitivity& s = sensitivities_[static_cast<std::size_t>(i)];
-    auto dx = filtered_.dx.col(i);
-    auto dP = filtered_.dP.col(i).reshaped(n, n);
-    dx = s.Z.col(0);
-    if (!measured) {
-      dP = s.P;
-      continue;
-    }
-    MatrixXd moved = s.P * now_.C.transpose() + P_ * s.now.C.transpose() - Kf_ * s.Sigma;
-    moved = llt_.solve(moved.transpose()).transpose().eval();
-    dx += moved * E_.col(0) + Kf_ * s.E.col(0);
-    // The gain minimises P_filt, so its own derivative drops out.
-    const MatrixXd half = Kf_ * s.now.C * P_ * rest.transpose();
-    dP = rest * s.P * rest.transpose() - half - half.transpose() + Kf_ * s.now.R * Kf_.transpose();
-  }
-  see(filtered_);
 }
 
 void Recursion::watch(Index from, Index to, Likelihood& out, const FilterWatcher& see) {

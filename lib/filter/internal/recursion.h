@@ -22,12 +22,10 @@ namespace identikal {
 struct RecursionOptions {
   bool constant_gain = true;        ///< once settled
   SegmentKernel* kernel = nullptr;  ///< prepared for this model and its derivatives; or none
-  std::vector<Segment>* segments = nullptr;       ///< of this recording, in time order
-  Eigen::Index jumped = 0;                        ///< out: samples that the kernel served
-  Eigen::MatrixXd* score_products = nullptr;      ///< k x k, or none: receives sum_t s_t s_t'
-  const FilteredStateWatcher* watcher = nullptr;  ///< is shown every sample, or none
-  bool cancelled = false;                         ///< out: a segment was rejected by the kernel
-  bool late = false;  ///< out: a diffuse start came after its first sample
+  std::vector<Segment>* segments = nullptr;  ///< of this recording, in time order
+  Eigen::Index jumped = 0;                   ///< out: samples that the kernel served
+  bool cancelled = false;                    ///< out: a segment was rejected by the kernel
+  bool late = false;                         ///< out: a diffuse start came after its first sample
 };
 
 /// check_shapes() of the model and its derivatives, x0 and P0 included where the start is given.
@@ -104,16 +102,14 @@ class Recursion {
                    double tolerance) const;
   bool fold_in(Likelihood& out);
 
-  void step(Eigen::Index t, Likelihood& out, FilterResult* store,
-            const FilteredStateWatcher* watcher);
-  void show_filtered(Eigen::Index t, const FilteredStateWatcher& see);
+  void step(Eigen::Index t, Likelihood& out, FilterResult* store);
   Eigen::Index skip_segment(Eigen::Index t, Place& place, bool storing, RecursionOptions& options,
                             Likelihood& out);
   bool run_by_kernel(const Segment& segment, RecursionOptions& options, Likelihood& out);
   Eigen::Index run_by_direct_code(Eigen::Index t, const Segment& segment, bool stop_when_settled,
                                   Likelihood& out);
   Eigen::Index run_with_constant_gain(Eigen::Index t, Segment* segment, Likelihood& out,
-                                      FilterResult* store, Eigen::MatrixXd* score_products);
+                                      FilterResult* store);
 
   Eigen::VectorXd innovation_sd() const;
   Eigen::MatrixXd filter_gain() const;
@@ -141,7 +137,6 @@ class Recursion {
   Eigen::LLT<Eigen::MatrixXd> llt_;
   Eigen::MatrixXd Kf_;
   FilterStep step_;
-  FilteredState filtered_;
 };
 
 /// Shows every sample, in time order, whether or not the filter runs to the end.

@@ -37,7 +37,6 @@ void SteadyRun::stack_derivatives() {
   C_theta_.resize(ny * k, n);
   D_theta_.resize(ny * k, nu);
   dX_.resize(n, k);
-  half_trace_.resize(k);
   for (Index i = 0; i < k; ++i) {
     const Sensitivity& s = filter_.by[i];
     K_theta_.middleRows(i * n, n) = s.K;
@@ -46,7 +45,6 @@ void SteadyRun::stack_derivatives() {
     C_theta_.middleRows(i * ny, ny) = s.now.C;
     D_theta_.middleRows(i * ny, ny) = s.now.D;
     dX_.col(i) = s.Z.col(0);
-    half_trace_[i] = 0.5 * filter_.Sigma.solve(s.Sigma).trace();
   }
   // Most often only noise is unknown, and these vanish.
   dynamics_ = !(A_theta_.isZero(0.0) && C_theta_.isZero(0.0));
@@ -61,7 +59,7 @@ void SteadyRun::stack_derivatives() {
   spread_.setZero(k, k);
 }
 
-Index SteadyRun::run(Index t, FilterResult* store, const VectorXd& e_sd, MatrixXd* score_products) {
+Index SteadyRun::run(Index t, FilterResult* store, const VectorXd& e_sd) {
   const StateSpace& m = filter_.model;
   const Index begin = t, nu = u_.rows();
   for (; t < y_.cols() && !y_.col(t).hasNaN(); ++t) {
@@ -78,7 +76,6 @@ Index SteadyRun::run(Index t, FilterResult* store, const VectorXd& e_sd, MatrixX
     }
     if (dX_.cols() > 0) {
       advance_derivatives(t);
-      if (score_products != nullptr) add_score(*score_products);
       power_.noalias() += Sie_ * Sie_.transpose();
       filter_.Sigma.matrixL().solveInPlace(dE_);
       spread_.noalias() += dE_.transpose() * dE_;
@@ -113,15 +110,6 @@ void SteadyRun::advance_derivatives(Index t) {
   dX_next_ += moved_.reshaped(n, k);
   dX_.swap(dX_next_);
   slope_.noalias() -= dE_.transpose() * Sie_;
-}
-
-void SteadyRun::add_score(MatrixXd& score_products) {
-  VectorXd score(half_trace_.size());
-  score.noalias() = -dE_.transpose() * Sie_ - half_trace_;
-  for (Index i = 0; i < score.size(); ++i) {
-    score[i] += 0.5 * Sie_.dot(filter_.by[i].Sigma * Sie_);
-  }
-  score_products += score * score.transpose();
 }
 
 void SteadyRun::add_to(Likelihood& out) const {

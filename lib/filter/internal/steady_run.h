@@ -38,9 +38,7 @@ class SteadyRun {
   /// Samples t, t + 1, ... Returns the first one that is not processed.
   /// @param store           receives innovations, or null
   /// @param e_sd            ny: their standard deviations
-  /// @param score_products  receives sum_t s_t s_t', or null
-  Eigen::Index run(Eigen::Index t, FilterResult* store, const Eigen::VectorXd& e_sd,
-                   Eigen::MatrixXd* score_products);
+  Eigen::Index run(Eigen::Index t, FilterResult* store, const Eigen::VectorXd& e_sd);
   /// What all samples add to the likelihood, without its constant, to gradient and information.
   void add_to(Likelihood& out) const;
 
@@ -51,7 +49,6 @@ class SteadyRun {
  private:
   void stack_derivatives();
   void advance_derivatives(Eigen::Index t);
-  void add_score(Eigen::MatrixXd& score_products);
 
   const SettledFilter& filter_;
   const Eigen::Ref<const Eigen::MatrixXd>&y_, &u_;
@@ -62,7 +59,7 @@ class SteadyRun {
   bool dynamics_ = false,
        inputs_ = false;  // whether A_theta and C_theta, B_theta and D_theta count
   Eigen::MatrixXd dX_, dX_next_, dE_;
-  Eigen::VectorXd Sie_, moved_, seen_, half_trace_, slope_;
+  Eigen::VectorXd Sie_, moved_, seen_, slope_;
   Eigen::MatrixXd power_, spread_;  // sum Sigma^-1 e e' Sigma^-1, sum dE' Sigma^-1 dE
 };
 

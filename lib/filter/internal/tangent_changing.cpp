@@ -44,6 +44,7 @@ FilterStatus TangentFilter::run_changing(const Changing& changing,
   find_structure();
   fill_A();
   FilterStatus status = begin(initial);
+  scored_ = out.gradient;
   for (const Presence::Part& part : recording.presence.parts) {
     Pattern& p = patterns_[part.pattern];
     for (Index t = part.begin; t < part.end && status == FilterStatus::ok; ++t) {
@@ -57,6 +58,9 @@ FilterStatus TangentFilter::run_changing(const Changing& changing,
         status = run_diffuse(p, recording, at, t + 1, out);
       } else if (step(p, recording, at, t + 1) == simd::TangentEnd::indefinite) {
         status = FilterStatus::indefinite;
+      } else {
+        add_score_product(recording, out);
+        if (recording.watcher != nullptr) show_filtered(p, t, false, *recording.watcher);
       }
     }
   }

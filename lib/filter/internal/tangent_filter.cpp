@@ -372,7 +372,8 @@ FilterStatus TangentFilter::go_on(const TangentRecording& recording, const Prese
   Pattern& p = patterns_[part.pattern];
   if (!p.ready) fill_pattern(p, channels_[part.pattern]);
   if (diffuse_) return run_diffuse(p, recording, t, end, out);
-  if (end - t <= kLongestPassage && recording.presence.parts.size() > 1) {
+  const bool may_come_back = recording.watcher == nullptr;  // it is shown the covariance, too
+  if (may_come_back && end - t <= kLongestPassage && recording.presence.parts.size() > 1) {
     if (p.in_vain < kPatience) return run_passage(p, recording, t, end, out);
     if (++p.in_vain == kPatience + kRest) p.in_vain = 0;
   }
@@ -499,8 +500,11 @@ bool TangentFilter::run_stationary(const Pattern& p, const TangentRecording& rec
 FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording& recording,
                                         Index& t, Index end, Likelihood& out) {
   const bool complete = p.model.m == static_cast<int>(ny_) && ny_ > 0;
-  const bool kept = recording.store != nullptr && recording.score_products == nullptr && complete;
-  const bool watched = !kept && (recording.store != nullptr || recording.score_products != nullptr);
+  const bool kept = recording.store != nullptr && recording.score_products == nullptr &&
+                    recording.watcher == nullptr && complete;
+  const bool watched =
+      !kept && (recording.store != nullptr || recording.score_products != nullptr ||
+                recording.watcher != nullptr);
   if (kept) {
     run_.kept_e = recording.store->e.data();
     run_.kept_white = recording.store->standardised.data();
@@ -514,6 +518,7 @@ FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording
   }
   while (t < end && status == FilterStatus::ok) {
     const Index to = watched ? t + 1 : end;
+    const bool same = settled;
     if (settled) {
       simd::run_settled_tangents(p.model, run_, recording.y.data(), static_cast<int>(ny_),
                                  recording.u.data(), t, to);
@@ -525,48 +530,12 @@ FilterStatus TangentFilter::run_stretch(const Pattern& p, const TangentRecording
       settled = how == simd::TangentEnd::settled;
       if (recording.store != nullptr && !kept) find_innovation_sd();
     }
-    if (watched && status == FilterStatus::ok) leave_sample(p, recording, t - 1, out);
+    if (!watched || status != FilterStatus::ok) continue;
+    leave_sample(p, recording, t - 1, out);
+    if (recording.watcher != nullptr) show_filtered(p, t - 1, same, *recording.watcher);
   }
   run_.kept_e = run_.kept_white = run_.kept_sd = nullptr;
   return status;
-}
-
-// The covariance before the last sample has not been overwritten yet.
-void TangentFilter::find_innovation_sd() {
-  const MatrixXd& C = model_->C;
-  for (Index i = 0; i < ny_; ++i) {
-    double variance = model_->R(i, i);
-    for (Index j = 0; j < n_; ++j) {
-      if (C(i, j) == 0.0) continue;
-      for (Index k = 0; k < n_; ++k) {
-        if (C(i, k) == 0.0) continue;
-        variance += C(i, j) * C(i, k) * run_.next_P[place(n_ * n_, j * n_ + k, 0)];
-      }
-    }
-    e_sd_[i] = std::sqrt(variance);
-  }
-}
-
-void TangentFilter::leave_sample(const Pattern& p, const TangentRecording& recording, Index t,
-                                 Likelihood& out) {
-  const auto m = static_cast<std::size_t>(p.model.m);
-  if (FilterResult* store = recording.store) {
-    store->e_sd.col(t) = e_sd_;
-    store->e.col(t).setConstant(kNaN);
-    store->standardised.col(t).setConstant(kNaN);
-    for (std::size_t a = 0; a < m; ++a) {
-      double z = 0.0;
-      for (std::size_t c = 0; c <= a; ++c) z += run_.L_inverse[a * m + c] * run_.E[c * lanes_];
-      store->e(p.model.channel[a], t) = run_.E[a * lanes_];
-      store->standardised(p.model.channel[a], t) = z;
-    }
-  }
-  if (recording.score_products == nullptr) return;
-  VectorXd now = out.gradient;
-  for (Index i = 0; i < now.size(); ++i) now[i] += run_.gradient[i + 1];
-  const VectorXd score = now - scored_;
-  *recording.score_products += score * score.transpose();
-  scored_ = now;
 }
 
 // Sample by sample, until all of the start is determined.
@@ -585,6 +554,7 @@ FilterStatus TangentFilter::run_diffuse(const Pattern& p, const TangentRecording
       continue;
     }
     if (recording.store != nullptr) recording.store->first_proper = t;
+    add_score_product(recording, out);
   }
   return FilterStatus::ok;
 }

@@ -15,6 +15,7 @@
 #include "lib/filter/internal/moved_entries.h"
 #include "lib/filter/internal/presence.h"
 #include "lib/filter/internal/segment.h"
+#include "lib/filter/internal/tangent_filtered.h"
 #include "lib/filter/internal/tangent_kernel.h"
 #include "lib/internal/stationary_start.h"
 #include "lib/model/state_space.h"
@@ -29,8 +30,9 @@ struct TangentRecording {
   const std::vector<Segment>& segments;
   SegmentKernel* kernel = nullptr;  ///< prepared for the model and its derivatives; or none
   // What every sample leaves is wanted where these are not null; there is no kernel then.
-  FilterResult* store = nullptr;              ///< receives innovations
-  Eigen::MatrixXd* score_products = nullptr;  ///< k x k: receives sum_t s_t s_t'
+  FilterResult* store = nullptr;                  ///< receives innovations
+  Eigen::MatrixXd* score_products = nullptr;      ///< k x k: receives sum_t s_t s_t'
+  const FilteredStateWatcher* watcher = nullptr;  ///< is shown every sample behind a diffuse start
 };
 
 class TangentFilter {
@@ -51,7 +53,7 @@ class TangentFilter {
     bool with_derivatives = false;
     bool motion_changes = true;  ///< A, B, G, Q or S, or their derivatives
   };
-  /// run() of it. `recording` has no kernel, store or score products.
+  /// run() of it. `recording` has no kernel and no store.
   FilterStatus run_changing(const Changing& changing, const TangentRecording& recording,
                             InitialState initial, Likelihood& out);
 
@@ -129,8 +131,11 @@ class TangentFilter {
   template <typename Copy>
   void copy_gain(const Pattern& p, double* gain, Copy&& copy);
   void leave_sample(const Pattern& p, const TangentRecording& recording, Eigen::Index t,
-                    Likelihood& out);
+                    const Likelihood& out);
+  void add_score_product(const TangentRecording& recording, const Likelihood& out);
   void find_innovation_sd();
+  void show_filtered(const Pattern& p, Eigen::Index t, bool settled,
+                     const FilteredStateWatcher& see);
   bool fold_in(Likelihood& out);
   bool run_by_kernel(const Segment& segment, SegmentKernel& kernel, Likelihood& out);
   void add_sums(Likelihood& out) const;
@@ -168,6 +173,7 @@ class TangentFilter {
   std::vector<Sensitivity> sensitivities_;
   Eigen::VectorXd scored_;  // the gradient up to the last sample
   Eigen::VectorXd e_sd_;    // of every channel, measured or not, at the last sample
+  FilteredTangents filtered_;
   bool diffuse_ = false, rejected_ = false, late_ = false;
   bool stationary_ = false;  // all that follows goes on from a stationary start, with all outputs
   Eigen::Index samples_ = 0, folded_ = 0, jumped_ = 0;

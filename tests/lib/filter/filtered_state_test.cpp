@@ -9,6 +9,7 @@
 #include "lib/base/random.h"
 #include "lib/filter/kalman.h"
 #include "lib/nonlinear/filter.h"
+#include "tests/support/random_model.h"
 
 namespace identikal {
 namespace {
@@ -106,6 +107,62 @@ TEST_P(LinearStates, HaveTheDerivativesOfDifferences) {
 
 INSTANTIATE_TEST_SUITE_P(Starts, LinearStates,
                          testing::Values(InitialState::given, InitialState::diffuse));
+
+// Seven states, eleven parameters, 400 samples: two blocks of lanes, gains that settle between gaps.
+class ManyStates : public testing::Test {
+ protected:
+  void SetUp() override {
+    Random random(23);
+    model = random_model(random, 7, 1, 2, 3);
+    for (int i = 0; i < 11; ++i) directions.push_back(random_direction(random, model));
+    y = random_matrix(random, 2, 400);
+    u = random_matrix(random, 1, 400);
+    y(0, 120) = y(1, 300) = kMissing;
+    y.middleCols(301, 3).setConstant(kMissing);
+  }
+  StateSpace moved(std::size_t i, double by) const {
+    StateSpace out = model;
+    const StateSpace& d = directions[i];
+    for (MatrixXd StateSpace::*part :
+         {&StateSpace::A, &StateSpace::B, &StateSpace::C, &StateSpace::D, &StateSpace::G,
+          &StateSpace::Q, &StateSpace::R, &StateSpace::S, &StateSpace::P0}) {
+      out.*part += by * d.*part;
+    }
+    out.x0 += by * d.x0;
+    return out;
+  }
+  StateSpace model;
+  std::vector<StateSpace> directions;
+  MatrixXd y, u;
+};
+
+TEST_F(ManyStates, AreThoseOfTheFilterWithTheirDerivatives) {
+  const double h = 1e-5;
+  for (const InitialState start : {InitialState::given, InitialState::diffuse}) {
+    const FilterResult filter = kalman_filter(model, start, y, u);
+    Shown shown;
+    watch_filtered_states(model, start, y, u, directions, shown.see());
+    ASSERT_EQ(static_cast<Index>(shown.states.size()), y.cols() - filter.first_proper);
+    for (const FilteredState& state : shown.states) {
+      const MatrixXd& P = filter.P_filt[static_cast<std::size_t>(state.t)];
+      EXPECT_LT((state.x - filter.x_filt.col(state.t)).norm(), 1e-11 * (1.0 + state.x.norm()));
+      EXPECT_LT((state.P - P).norm(), 1e-11 * P.norm());
+    }
+    for (std::size_t i = 0; i < directions.size(); ++i) {
+      const FilterResult up = kalman_filter(moved(i, h), start, y, u);
+      const FilterResult down = kalman_filter(moved(i, -h), start, y, u);
+      for (const FilteredState& state : shown.states) {
+        const VectorXd dx = (up.x_filt - down.x_filt).col(state.t) / (2.0 * h);
+        const auto t = static_cast<std::size_t>(state.t);
+        const MatrixXd dP = (up.P_filt[t] - down.P_filt[t]) / (2.0 * h);
+        const auto column = static_cast<Index>(i);
+        EXPECT_LT((state.dx.col(column) - dx).norm(), 1e-6 * (1.0 + dx.norm())) << state.t;
+        EXPECT_LT((state.dP.col(column) - dP.reshaped()).norm(), 1e-6 * (1.0 + dP.norm()))
+            << state.t;
+      }
+    }
+  }
+}
 
 class NonlinearStates : public testing::TestWithParam<NonlinearMethod> {};
 

@@ -207,6 +207,25 @@ TEST(SecondaryEffects, WideAnglesKeepTheBalancesOfATightTurn) {
   }
 }
 
+// Half of it: half of the way between what small angles give and what wide ones do.
+TEST(SecondaryEffects, AShareOfWideAnglesLiesBetween) {
+  const SingleTrack<> one = car();
+  const Eigen::VectorXd time = stamps(0.01, 12.0);
+  const DrivenSegment turn =
+      drive(time, Eigen::VectorXd::Constant(time.size(), 0.25 * one.steering_ratio),
+            Eigen::VectorXd::Constant(time.size(), 6.0), {.longest_step = 0.005});
+  double r[3];
+  for (int share = 0; share < 3; ++share) {
+    SecondaryEffects wide{};
+    wide[kWideAngles] = 0.5 * share;
+    wide[kFrontDrive] = 0.7;
+    simulate_with_effects(one, wide, turn, 0.0, 0.0,
+                          [&](Eigen::Index, const Motion& motion, double) { r[share] = motion.r; });
+  }
+  EXPECT_GT(std::abs(r[2] / r[0] - 1.0), 0.005);
+  EXPECT_NEAR((r[1] - r[0]) / (r[2] - r[0]), 0.5, 0.02);
+}
+
 TEST(SecondaryEffects, SmallAnglesAreAsTheyWere) {
   const Eigen::VectorXd time = stamps(0.01, 10.0);
   const DrivenSegment segment = driven(time, 0.02 * sweep(time), 0.005);
