@@ -1,5 +1,6 @@
 // model: which linear model do recordings of inputs and outputs ask for, when nobody brings one?
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <utility>
@@ -280,6 +281,41 @@ std::string text_of_polynomial(const BlackBox::Polynomial& each, bool names_outp
   return out;
 }
 
+// To two digits of the error.
+std::string rounded_with_error(double value, double se) {
+  if (!(se > 0.0)) return number_with_error(value, se);
+  const int decimals = std::max(0, 1 - static_cast<int>(std::floor(std::log10(se))));
+  return fmt::format("{:.{}f} +- {:.{}f}", value, decimals, se, decimals);
+}
+
+// s^2 + (3.10 +- 0.12) s + (120.0 +- 3.1)
+std::string text_of_coefficients(const Eigen::VectorXd& value, const Eigen::VectorXd& se) {
+  std::string out;
+  for (Eigen::Index k = 0; k < value.size(); ++k) {
+    if (value[k] == 0.0 && se[k] == 0.0) continue;
+    const Eigen::Index power = value.size() - 1 - k;
+    const bool is_one = value[k] == 1.0 && se[k] == 0.0 && power > 0;
+    out += out.empty() ? (value[k] < 0.0 ? "-" : "") : value[k] < 0.0 ? " - " : " + ";
+    if (!is_one) out += fmt::format("({})", rounded_with_error(std::abs(value[k]), se[k]));
+    if (!is_one && power > 0) out += " ";
+    if (power > 0) out += power > 1 ? fmt::format("s^{}", power) : "s";
+  }
+  return out;
+}
+
+// Of few coefficients; the result file has the others.
+void add_transfer_functions(const BlackBox& box, std::vector<std::string>& out) {
+  constexpr Eigen::Index kMostStates = 4;
+  for (const BlackBox::TransferFunction& each : box.transfer_functions) {
+    if (each.denominator.size() > kMostStates + 1) return;
+    const std::string of = fmt::format("{} / {} in continuous time", each.output, each.input);
+    out.push_back(
+        fmt::format("{}: {}", of, text_of_coefficients(each.numerator, each.numerator_se)));
+    out.push_back(
+        fmt::format("   over {}", text_of_coefficients(each.denominator, each.denominator_se)));
+  }
+}
+
 // What was tried, and the model in the terms of an engineer, line by line.
 std::vector<std::string> tables(const BlackBox& box) {
   const bool for_control = box.horizon > 0;
@@ -312,6 +348,7 @@ std::vector<std::string> tables(const BlackBox& box) {
                                 number_with_error(box.gain(i, j), box.gain_se(i, j))));
     }
   }
+  add_transfer_functions(box, out);
   for (const BlackBox::Delay& each : box.delays) {
     if (each.rows == 0) continue;
     const std::string before =

@@ -12,6 +12,7 @@
 
 #include "identify/black_box/internal/candidates.h"
 #include "identify/black_box/internal/characteristics.h"
+#include "identify/black_box/internal/continuous_time.h"
 #include "identify/black_box/internal/nonlinearity.h"
 #include "identify/black_box/internal/polynomial_fit.h"
 #include "identify/black_box/internal/responses.h"
@@ -438,6 +439,7 @@ void add_characteristics(const ModelSearch& search, const Dataset& first,
   constexpr Index kResponse = 100;  // rows
   out.impulse_responses = impulse_responses(search.all, first, kResponse);
   out.step_responses = step_responses(model, moves, point, first, kResponse);
+  out.transfer_functions = transfer_functions(model, moves, point, first);
   out.frequency_responses = frequency_responses(model, moves, search.all, first);
   out.delays = input_delays(search.of_all.sums);
   for (std::size_t j = 0; j < out.delays.size(); ++j) out.delays[j].input = out.inputs[j];

@@ -156,6 +156,13 @@ struct BlackBox {
     Eigen::VectorXd value, se;  ///< from the same row on, SI
   };
   std::vector<StepResponse> step_responses;
+  /// In continuous time, inputs held between the rows: coefficients of falling powers of s, SI, as many in the
+  /// numerator as in the denominator, whose first is 1.
+  struct TransferFunction {
+    std::string input, output;
+    Eigen::VectorXd numerator, numerator_se, denominator, denominator_se;
+  };
+  std::vector<TransferFunction> transfer_functions;  ///< none where a pole is at or below zero
   /// Of an output to an input at frequencies [rad/s]: the model's, and by spectral analysis without a model. Gains are SI,
   /// phases [deg].
   struct FrequencyResponse {

@@ -315,7 +315,7 @@ Findings check_linearity(const std::vector<BlackBox::Nonlinearity>& found) {
   std::string text = fmt::format("{} explains {:.1f} % of the innovations' squares", in_words(best),
                                  100.0 * best.of_innovations);
   if (of_simulation > 0.0)
-    text += fmt::format(" and {:.1f} % of those of the simulation's errors", 100.0 * of_simulation);
+    text += fmt::format(" and {:.2g} % of those of the simulation's errors", 100.0 * of_simulation);
   int alike = 0;
   for (const BlackBox::Nonlinearity& other : found) {
     const bool same =

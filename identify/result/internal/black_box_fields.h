@@ -106,6 +106,19 @@ void describe(Fields& fields, BlackBox::StepResponse& response) {
 }
 
 template <class Fields>
+void describe(Fields& fields, BlackBox::TransferFunction& transfer) {
+  fields.is("BlackBoxTransferFunction",
+            "Of the model in continuous time, inputs held between the rows: coefficients of "
+            "falling powers of s, SI.");
+  fields("input", transfer.input, "name of the input");
+  fields("output", transfer.output, "name of the output");
+  fields("numerator", transfer.numerator, "as many as of the denominator");
+  fields("numerator_se", transfer.numerator_se, "standard errors");
+  fields("denominator", transfer.denominator, "the first is 1");
+  fields("denominator_se", transfer.denominator_se, "standard errors");
+}
+
+template <class Fields>
 void describe(Fields& fields, BlackBox::FrequencyResponse& response) {
   fields.is("BlackBoxFrequencyResponse",
             "Of an output to an input: the model's, and by spectral analysis.");
@@ -143,6 +156,8 @@ void describe(Fields& fields, BlackBox& box) {
   fields("nonlinearities", box.nonlinearities, "curves that recordings ask for, most first");
   fields("impulse_responses", box.impulse_responses, "by regularised least squares");
   fields("step_responses", box.step_responses, "of the model");
+  fields("transfer_functions", box.transfer_functions,
+         "of the model in continuous time; none where a pole is at or below zero");
   fields("frequency_responses", box.frequency_responses, "of the model and by spectral analysis");
   fields("input_names", box.inputs, "columns of gain");
   fields("output_names", box.outputs, "rows of gain");

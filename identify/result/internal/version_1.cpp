@@ -152,6 +152,7 @@ void add_new_keys(Json& result) {
   add("black_box/delays/*", "before", nullptr);
   add("black_box", "horizon", 0);
   add("black_box", "nonlinearities", Json::array());
+  add("black_box", "transfer_functions", Json::array());
   add("objective", "diffuse_samples", 0);
   add("objective", "leading", Json::array());
   add("objective", "bic_values", nullptr);
