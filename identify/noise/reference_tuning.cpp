@@ -243,9 +243,9 @@ struct BestOfStarts {
   int tried = 0, agree = 0, iterations = 0, evaluations = 0;
 };
 
-// @param until_sure  stop when so many have ended at one optimum and none elsewhere
+// Where no number of starts is asked for, until enough have ended at one optimum and none elsewhere.
 BestOfStarts closest_of(Criterion& criterion, const std::vector<ParameterSet>& starts,
-                        const ReferenceTuningOptions& options, int until_sure) {
+                        const ReferenceTuningOptions& options) {
   constexpr double kSame = 1e-4;
   const LikelihoodProblem problem = criterion.problem();
   BestOfStarts out;
@@ -270,7 +270,8 @@ BestOfStarts closest_of(Criterion& criterion, const std::vector<ParameterSet>& s
     }
     const auto is_best = [&](double of) { return out.best.summary.objective - of < kSame; };
     out.agree = static_cast<int>(std::count_if(ends.begin(), ends.end(), is_best));
-    if (stopped || (out.tried >= until_sure && out.agree == out.tried)) break;
+    const bool sure = out.tried >= kSureStarts && out.agree == out.tried;
+    if (stopped || (options.starts == 0 && sure)) break;
   }
   if (stopped) {
     out.best.summary.termination = Termination::stopped;
@@ -382,7 +383,6 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
   }
   check_recordings(model, recordings);
   const int count = options.starts > 0 ? options.starts : kUsualStarts;
-  const int until_sure = options.starts > 0 ? count : kSureStarts;
   std::vector<ParameterSet> starts{model.parameters};
   if (count > 1) {
     NoiseMlOptions once;
@@ -400,12 +400,12 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
     starts.push_back(scattered_start(model.parameters, random));
   }
   Criterion criterion(model, starts.size() > 1 ? starts[1] : starts[0], recordings);
-  BestOfStarts found = closest_of(criterion, starts, options, until_sure);
+  BestOfStarts found = closest_of(criterion, starts, options);
   // The rows that count are those of the filter that is found.
   for (int i = 0; i < kMostAnew && found.best.summary.usable(); ++i) {
     const ParameterSet so_far = criterion.coordinates.parameters(found.best.x);
     if (!criterion.begin_where_settled(so_far, i >= kTurns)) break;
-    const BestOfStarts again = closest_of(criterion, {so_far}, options, 1);
+    const BestOfStarts again = closest_of(criterion, {so_far}, options);
     if (again.tried == 0) break;
     found.best = again.best;
     found.iterations += again.iterations;
@@ -446,7 +446,7 @@ Findings check_against_references(const Model& model, const ParameterSet& likeli
   Criterion criterion(model, likeliest, recordings);
   std::vector<ParameterSet> starts = slower_and_faster(model, likeliest);
   starts.push_back(likeliest);
-  const BestOfStarts found = closest_of(criterion, starts, {}, 3);
+  const BestOfStarts found = closest_of(criterion, starts, {});
   if (found.tried == 0 || !found.best.summary.usable()) return {};
   const auto covariance = criterion.covariance(found.best.x);
   const VectorXd moved = found.best.x - criterion.coordinates.of(likeliest);

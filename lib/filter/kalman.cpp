@@ -88,7 +88,6 @@ FilterResult kalman_filter(const StateSpace& model, InitialState initial,
     Recursion recursion(model, initial, y, u, none);
     return run(recursion, model.states(), y, keep);
   }
-  check_shapes(model, initial, none);
   FilterResult out = empty_filter_result(model.states(), y.rows(), y.cols(), keep);
   const Likelihood likelihood = run_tangents(model, initial, y, u, none, {.store = &out});
   out.status = likelihood.status;

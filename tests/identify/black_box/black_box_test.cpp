@@ -413,8 +413,8 @@ Fraction in_continuous_time(const Plant& plant, double dt) {
   return out;
 }
 
-// 30 recordings of 2000 rows: 210 coefficients, of which seven belong together each time. Of 30 of 95 %
-// each, fewer than 25 come in 1 % of all seeds; these are fixed.
+// 30 recordings of 2000 rows, seven coefficients. Of 30 of 95 % each, fewer than 25 come in 0.3 % of all
+// seeds, of one of seven in 2 % at most; these are fixed.
 TEST(BlackBox, IsGivenInContinuousTimeWithItsErrors) {
   const Plant plant;
   const Fraction truth = in_continuous_time(plant, 0.1);

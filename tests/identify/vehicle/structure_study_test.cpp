@@ -164,15 +164,19 @@ TEST(StructureStudy, WhatTheNoiseLeavesOpenIsRefusedToo) {
   EXPECT_EQ(finding(fit, FindingCode::weak_direction)->severity, Severity::serious);
 }
 
-// Turns at 5 to 8 m/s of a front-driven car, wheels up to 16 degrees: a yaw rate that small angles miss
-// by 3 %.
+// Turns at 5 to 8 m/s, wheels up to 16 degrees, by small angles.
+Dataset tight_turns() {
+  const auto angle = [](double t) { return 6.0 * std::sin(0.6 * t); };
+  const auto speed = [](double t) { return 6.5 + 1.5 * std::sin(0.2 * t); };
+  return record({}, uniform_time(60.0, 50.0), {"r", "ay"}, angle, speed);
+}
+
+// Of a front-driven car: a yaw rate that small angles miss by 3 %.
 TEST(StructureStudy, TightTurnsAreNoOtherCar) {
   SecondaryEffects effects{};
   effects[kWideAngles] = 1.0;
   effects[kFrontDrive] = 1.0;
-  const auto angle = [](double t) { return 6.0 * std::sin(0.6 * t); };
-  const auto speed = [](double t) { return 6.5 + 1.5 * std::sin(0.2 * t); };
-  Dataset data = record({}, uniform_time(60.0, 50.0), {"r", "ay"}, angle, speed);
+  Dataset data = tight_turns();
   const DrivenSegment driven = drive(data.time, data.u.row(0).transpose(),
                                      data.u.row(1).transpose(), {.longest_step = 0.002});
   simulate_with_effects(
@@ -193,9 +197,7 @@ TEST(StructureStudy, TightTurnsAreNoOtherCar) {
 
 // The same turns in a simulator that takes any angle for a small one.
 TEST(StructureStudy, ASimulatorOfSmallAnglesIsSeenToBeOne) {
-  const auto angle = [](double t) { return 6.0 * std::sin(0.6 * t); };
-  const auto speed = [](double t) { return 6.5 + 1.5 * std::sin(0.2 * t); };
-  Dataset data = record({}, uniform_time(60.0, 50.0), {"r", "ay"}, angle, speed);
+  Dataset data = tight_turns();
   data = with_noise(data, {0.003, 0.3}, 18);
   const VehicleEstimate fit = fitted(data, Structure::automatic);
   EXPECT_EQ(fit.status, Status::ok) << fit.message;

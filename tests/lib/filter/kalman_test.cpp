@@ -297,23 +297,34 @@ TEST(Kalman, ExpectedInformationIsTheCovarianceOfTheScore) {
   }
 }
 
+// Samples of a diffuse start count as one; two of them determine four states. Of a model that changes, too.
 TEST(Kalman, ScoreProductsAreThoseOfEachSamplesOwnDensity) {
   Random random(8);
-  const StateSpace m = random_model(random, 2, 1, 2, 2);
+  const StateSpace m = random_model(random, 4, 1, 2, 2);
   const Index N = 120;
   const MatrixXd u = random_matrix(random, 1, N);
   MatrixXd y = simulate_outputs(random, m, u, N);
   y(1, 3) = std::nan("");
   const std::vector<StateSpace> d{random_direction(random, m), random_direction(random, m)};
-  MatrixXd expected = MatrixXd::Zero(2, 2);
-  VectorXd before = VectorXd::Zero(2);
-  for (Index t = 1; t <= N; ++t) {
-    const VectorXd gradient =
-        log_likelihood(m, InitialState::given, y.leftCols(t), u.leftCols(t), d).gradient;
-    expected += (gradient - before) * (gradient - before).transpose();
-    before = gradient;
+  const ModelAt at = [&](Index, StateSpace& model, std::vector<StateSpace>* derivatives) {
+    model = m;
+    if (derivatives != nullptr) *derivatives = d;
+  };
+  for (const InitialState start : {InitialState::given, InitialState::diffuse}) {
+    MatrixXd expected = MatrixXd::Zero(2, 2);
+    VectorXd before = VectorXd::Zero(2);
+    Index undetermined = 0;
+    for (Index t = 1; t <= N; ++t) {
+      const Likelihood until = log_likelihood(m, start, y.leftCols(t), u.leftCols(t), d);
+      undetermined += until.status != FilterStatus::ok;
+      if (until.status != FilterStatus::ok) continue;
+      expected += (until.gradient - before) * (until.gradient - before).transpose();
+      before = until.gradient;
+    }
+    EXPECT_EQ(undetermined, start == InitialState::diffuse ? 1 : 0);
+    EXPECT_TRUE(score_products(m, start, y, u, d).isApprox(expected, 1e-7));
+    EXPECT_TRUE(score_products(at, start, y, u).isApprox(expected, 1e-7));
   }
-  EXPECT_TRUE(score_products(m, InitialState::given, y, u, d).isApprox(expected, 1e-8));
 }
 
 TEST(Kalman, StaysDefiniteOnStiffNoise) {
