@@ -53,7 +53,7 @@ Eigen::VectorXd known_output_sd(const Model& model);
 
 /// Looks for the least squares of a simulation, from several starts, on steps of integration that
 /// are as fine as a search needs (1e-4 of a state's range), by Levenberg-Marquardt: a few steps
-/// from the best eight of every start's candidates, and on from the lowest of these ends. Where
+/// from the best eight of every start's candidates, again from the better half, until one is left. Where
 /// fewer than 80 % of the starts come to the same place, the others take the path of multiple
 /// shooting: the states of all samples are unknowns beside the parameters, and what the motion
 /// makes of one need not be the next. Where they are free enough to follow the outputs, errors do

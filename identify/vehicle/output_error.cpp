@@ -458,6 +458,10 @@ class ProfiledLikelihood {
     // The noise is at its most likely size for every z, so that its derivative does not matter.
     return profile_.evaluate(z, L, gradient != nullptr ? *gradient : unused_, information_);
   }
+  // At the end of a search, of the data and the priors.
+  bool settle(const Eigen::VectorXd& z, double& L) {
+    return profile_.settle(z, L, unused_, information_);
+  }
   bool evaluate(const Eigen::VectorXd& z, double& L, Eigen::VectorXd* gradient,
                 Eigen::MatrixXd* information) {
     if (!of_data(z, L, gradient)) return false;
@@ -566,7 +570,7 @@ VehicleOptimum maximise_likelihood(const VehicleProblem& problem, const Eigen::V
   Eigen::VectorXd e;
   output_error(problem, start, e, nullptr);
   out.path.insert(out.path.begin(), log_likelihood(problem, start, e, noise_sd(problem, e)));
-  profiled.of_data(solution.x, out.log_likelihood, nullptr);
+  profiled.settle(solution.x, out.log_likelihood);
   out.z = profiled.profile().coordinates();
   out.sd = noise_sd(problem, profiled.profile().errors());
   out.multipliers = profiled.multipliers;

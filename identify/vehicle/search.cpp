@@ -8,7 +8,6 @@
 namespace identikal {
 namespace {
 
-constexpr std::size_t kOptimised = 3;  // of the starts, those with the best likelihood
 constexpr double kSameOptimum = 0.01;  // in log-likelihood
 constexpr int kBriefIterations = 12;
 constexpr double kPromising = 0.01;  // in log-likelihood per sample behind the best
@@ -25,9 +24,10 @@ struct Candidate {
   double log_likelihood;
 };
 
-/// The starts with the highest likelihood; those from which the simulation diverges are left out.
+/// The starts with the highest likelihood, so many; those from which the simulation diverges are left out.
 std::vector<Candidate> best_candidates(const VehicleProblem& problem,
-                                       const std::vector<VehicleParameters<double>>& starts) {
+                                       const std::vector<VehicleParameters<double>>& starts,
+                                       int searched) {
   std::vector<Candidate> out;
   for (const VehicleParameters<double>& p : starts) {
     const Eigen::VectorXd z = coordinates_of(problem, p);
@@ -38,7 +38,8 @@ std::vector<Candidate> best_candidates(const VehicleProblem& problem,
   std::stable_sort(out.begin(), out.end(), [](const auto& a, const auto& b) {
     return a.log_likelihood > b.log_likelihood;
   });
-  const std::size_t most = problem.unknowns.free.empty() ? 1 : kOptimised;
+  const std::size_t most =
+      problem.unknowns.free.empty() ? 1 : static_cast<std::size_t>(std::max(1, searched));
   if (out.size() > most) out.resize(most);
   return out;
 }
@@ -96,7 +97,7 @@ VehicleSearch search_vehicle(const VehicleRun& run, const VehicleUnknowns& unkno
   if (options.iterations > 0) solver.max_iterations = options.iterations;
   solver.progress = options.progress;
   const std::vector<VehicleOptimum> optima =
-      local_optima(best_candidates(out.problem, starts), solver, out);
+      local_optima(best_candidates(out.problem, starts, options.searched), solver, out);
   out.best.message = "the simulation diverges from every start";
   for (const VehicleOptimum& optimum : optima) {
     if (!optimum.path.empty()) out.paths.push_back(optimum.path);

@@ -9,7 +9,8 @@
 namespace identikal {
 
 struct VehicleSearchOptions {
-  int starts = 5;  ///< tried besides the equation-error one (identify/vehicle/starts.h)
+  int starts = 5;    ///< tried besides the equation-error one (identify/vehicle/starts.h)
+  int searched = 3;  ///< of all starts, those with the best likelihood
   unsigned long long seed = 1;
   int iterations = 0;   ///< at most, of each local search; 0: as SolverOptions have it
   bool robust = false;  ///< noise of Student's distribution (identify/vehicle/output_error.h)

@@ -56,8 +56,9 @@ class RollingCar {
 
   FrontWheel turned(double angle) const {
     if (wide_ == 0.0) return {angle};
-    const double tangent = effects_[kFrontDrive] * std::tan(angle);
-    const double across = std::cos(angle) + tangent * std::sin(angle);
+    const double sine = std::sin(angle), cosine = std::cos(angle);
+    const double tangent = effects_[kFrontDrive] * sine / cosine;
+    const double across = cosine + tangent * sine;
     return {angle, 1.0 + wide_ * (across - 1.0), wide_ * car_.m * tangent};
   }
 

@@ -28,7 +28,7 @@ constexpr double kFinest =
 constexpr double kCoarse = 1e-3, kFine = 1e-4, kExact = 1e-9;  // integration, of a state's scale
 constexpr double kSettledLoss = 0.05;
 constexpr std::size_t kTried = 8;     // candidates that a short search is begun at
-constexpr int kTriedIterations = 12;  // of it
+constexpr int kTriedIterations = 4;   // of it
 constexpr double kSameErrors = 5e-3;  // relative: what integration may change
 constexpr double kSamePlace = 1e-3;   // relative
 
@@ -158,18 +158,29 @@ void Attempt::search_from_candidates() {
   std::stable_sort(by_error.begin(), by_error.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   if (by_error.size() > kTried) by_error.resize(kTried);
-  SimulatedEnd lowest;
-  for (const auto& [error, p] : by_error) {
-    weigh_outputs(deviation_);
-    const int iterations = by_error.size() > 1 ? kTriedIterations : kSearchIterations;
-    SimulatedEnd end = search_simulation(*p, kCoarse, iterations);
-    if (end.loss < lowest.loss) lowest = std::move(end);
-  }
-  if (by_error.size() > 1 && std::isfinite(lowest.loss)) {
+  std::vector<SimulatedEnd> ends;
+  for (const auto& [error, p] : by_error) ends.push_back({*p, error, false, {}});
+  SimulatedEnd lowest = best_of(std::move(ends));
+  if (lowest.p.size() > 0) {
     weigh_outputs(deviation_);
     lowest = search_simulation(lowest.p, kCoarse, kSearchIterations);
   }
   take(lowest, {});
+}
+
+// A few steps from each, again and again from the better half, until one is left.
+Attempt::SimulatedEnd Attempt::best_of(std::vector<SimulatedEnd> ends) {
+  while (ends.size() > 1) {
+    for (SimulatedEnd& end : ends) {
+      weigh_outputs(deviation_);
+      end = search_simulation(end.p, kCoarse, kTriedIterations);
+    }
+    std::stable_sort(ends.begin(), ends.end(),
+                     [](const auto& a, const auto& b) { return a.loss < b.loss; });
+    ends.resize((ends.size() + 1) / 2);
+    std::erase_if(ends, [](const SimulatedEnd& end) { return end.p.size() == 0; });
+  }
+  return ends.empty() ? SimulatedEnd{} : std::move(ends.front());
 }
 
 // Least squares on the grid that its start needs.

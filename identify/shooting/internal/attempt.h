@@ -55,6 +55,7 @@ class Attempt {
     Eigen::MatrixXd root_information;
   };
   Eigen::MatrixXd choose_first_steps();
+  SimulatedEnd best_of(std::vector<SimulatedEnd> ends);
   SimulatedEnd search_simulation(const Eigen::VectorXd& start, double tolerance, int iterations);
   void polish();
   // Outputs are weighted by their noise where it is known.

@@ -10,8 +10,9 @@ namespace identikal {
 
 /// The likelihood of a problem's parameters (and gain) alone: initial states are where it is largest,
 /// found by Gauss-Newton steps from where they are expected to have moved since the likeliest
-/// point so far. One evaluation costs as many simulations as these take, mostly one or two, and time linear
-/// in the number of segments. Source: variable projection, Golub and Pereyra (1973), "The differentiation of
+/// point so far. While what they still lack is little, it is added by the quadratic instead, and the slopes are
+/// those there. One evaluation costs as many simulations as the steps take, mostly one, and time linear in the
+/// number of segments. Source: variable projection, Golub and Pereyra (1973), "The differentiation of
 /// pseudo-inverses and nonlinear least squares problems whose variables separate", SIAM J. Numer. Anal. 10.
 class ProfiledStates {
  public:
@@ -21,6 +22,9 @@ class ProfiledStates {
   /// At these parameters and gains; as LikelihoodProblem::evaluate. false where the simulation diverges.
   bool evaluate(const Eigen::VectorXd& shared, double& L, Eigen::VectorXd& gradient,
                 Eigen::MatrixXd& information);
+  /// The same with the initial states where they belong. What coordinates() and errors() say is right then.
+  bool settle(const Eigen::VectorXd& shared, double& L, Eigen::VectorXd& gradient,
+              Eigen::MatrixXd& information);
 
   /// All coordinates of the last evaluation, and its errors.
   const Eigen::VectorXd& coordinates() const { return now_.z; }
@@ -33,6 +37,8 @@ class ProfiledStates {
     EliminatedStates eliminated;
   };
 
+  bool move_states(const Eigen::VectorXd& shared, double lacking);
+  void report(double& L, Eigen::VectorXd& gradient, Eigen::MatrixXd& information) const;
   bool linearise(const Eigen::VectorXd& z, Point& out);
   Eigen::VectorXd expected(const Eigen::VectorXd& shared) const;
   Eigen::VectorXd clipped(Eigen::VectorXd z) const;

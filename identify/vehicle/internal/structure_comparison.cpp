@@ -16,6 +16,9 @@ constexpr double kBetterFit = 0.10;     // of the root mean square residual of a
 constexpr double kSlightlyBetterFit = 0.03;
 constexpr double kReversedFit = 0.4;  // of the residual: what the other sign of sideslip takes away
 constexpr double kFittingWell = 90.0;  // [%]
+constexpr double kComparable = 1e-4;   // in log-likelihood, of what is compared
+constexpr int kShownBy = 3;            // iterations, if the other sign is right
+constexpr double kHopeless = 0.05;     // in log-likelihood per sample
 constexpr double kWrongRatio = 0.02;   // relative; steering ratios are known to about 1 %
 
 struct Alternative {
@@ -47,6 +50,7 @@ Alternative fit_alternative(const VehicleSearch& original, const VehicleRun& run
     out.found.problem.robust = options.robust;
     SolverOptions solver;
     solver.progress = options.progress;
+    solver.decrement_tolerance = kComparable;
     out.found.best =
         maximise_likelihood(out.found.problem, coordinates_of(out.found.problem, before), solver);
   } else {
@@ -92,6 +96,17 @@ Freed freed(const Alternative& alternative, VehicleParameter parameter, double w
   return {value, se, std::abs(value - was) > quantile * se};
 }
 
+// Where the equation-error start of reversed channels is not right at once, they are not.
+VehicleSearchOptions options_of_reversed(const VehicleSearch& found, VehicleSearchOptions options) {
+  const double hopeless =
+      found.best.log_likelihood - kHopeless * static_cast<double>(found.problem.residuals());
+  options.searched = 1;
+  options.progress = [hopeless, told = options.progress](int iteration, double L) {
+    return !(iteration >= kShownBy && L < hopeless) && (!told || told(iteration, L));
+  };
+  return options;
+}
+
 }  // namespace
 
 Findings check_sensor_misalignment(const VehicleSearch& found, const VehicleSearchOptions& options,
@@ -105,8 +120,8 @@ Findings check_sensor_misalignment(const VehicleSearch& found, const VehicleSear
     if (now.fit_percent > kFittingWell) continue;
     VehicleRun reversed = run;
     reversed.y.row(j) *= -1.0;
-    const Alternative other =
-        fit_alternative(found, reversed, found.problem.unknowns, false, options, estimate);
+    const Alternative other = fit_alternative(found, reversed, found.problem.unknowns, false,
+                                              options_of_reversed(found, options), estimate);
     if (!other.usable || !(other.found.best.log_likelihood > found.best.log_likelihood)) continue;
     const ChannelFit then =
         channel_fits(vehicle_series(other.found.problem, other.found.best.z), options.robust)[j];
