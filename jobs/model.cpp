@@ -22,6 +22,7 @@ namespace identikal {
 namespace {
 
 constexpr const char* kModelFile = "model.yaml";
+constexpr double kClearDelay = 0.25;  // of the largest response
 
 struct BlackBoxVerbOptions {
   RecordingOptions recordings;
@@ -351,19 +352,26 @@ std::vector<std::string> tables(const BlackBox& box) {
   add_transfer_functions(box, out);
   for (const BlackBox::Delay& each : box.delays) {
     if (each.rows == 0) continue;
+    const char* rows = each.rows == 1 ? "row" : "rows";
+    if (each.before > kClearDelay) {
+      out.push_back(
+          fmt::format("no response to '{}' within {} {} is seen, but none is ruled out either",
+                      each.input, each.rows, rows));
+      continue;
+    }
     const std::string before =
         std::isnan(each.before) ? ""
                                 : fmt::format("; before, at most {:.2g} % of its largest response",
                                               100.0 * each.before);
-    out.push_back(fmt::format("'{}' is first seen after {} row{}{}", each.input, each.rows,
-                              each.rows == 1 ? "" : "s", before));
+    out.push_back(
+        fmt::format("'{}' is first seen after {} {}{}", each.input, each.rows, rows, before));
   }
   const bool moved = std::any_of(box.operating_point.begin(), box.operating_point.end(),
                                  [](const auto& each) { return each.value != 0.0; });
   for (const BlackBox::OperatingPoint& each : box.operating_point) {
-    if (moved)
-      out.push_back(
-          fmt::format("operating point {} = {:.6g} {}", each.channel, each.value, each.unit));
+    if (!moved) continue;
+    const std::string unit = each.unit.empty() ? "" : " " + each.unit;
+    out.push_back(fmt::format("operating point {} = {:.6g}{}", each.channel, each.value, unit));
   }
   return out;
 }

@@ -36,10 +36,12 @@ constexpr Index kMostDelay = 100;
 
 // Fits closer than this are the same: the smaller order is taken.
 constexpr double kSameFit = 0.005;
+constexpr double kNoticeably = 0.02;  // of the fit
 
 const char* to_string(Refinement how, ModelStructure structure) {
   if (how == Refinement::simulation) return "simulation";
   if (how == Refinement::prediction_error) return "prediction_error";
+  if (how == Refinement::any_poles) return "any_poles";
   if (how == Refinement::output_error) return "output_error";
   switch (structure) {
     case ModelStructure::arx:
@@ -70,18 +72,19 @@ struct ModelSearch {
     return has_inputs && purpose != BlackBoxPurpose::prediction &&
            purpose != BlackBoxPurpose::control;
   }
+  bool is_stable(Refinement how) const { return simulates() && how != Refinement::any_poles; }
 };
 
 void fit_to_all_rows(const ModelSearch& search, BlackBoxCandidate& candidate) {
-  candidate.model =
-      fitted(search.of_all, search.all, candidate.order, candidate.refinement, search.simulates());
+  candidate.model = fitted(search.of_all, search.all, candidate.order, candidate.refinement,
+                           search.is_stable(candidate.refinement));
   judge_on_fitted(candidate, search.all, search.of_all.sums);
 }
 
 // Fits of held-out rows by the first ones; where BIC is wanted the model of all rows too.
 BlackBoxCandidate candidate(const ModelSearch& search, int order, Refinement how, bool with_bic) {
   BlackBoxCandidate out{
-      order, how, fitted(search.of_first, search.parts.first, order, how, search.simulates())};
+      order, how, fitted(search.of_first, search.parts.first, order, how, search.is_stable(how))};
   judge_on_held_out(out, search.parts.rest);
   if (with_bic) fit_to_all_rows(search, out);
   return out;
@@ -150,15 +153,26 @@ std::vector<BlackBoxCandidate> polynomial_candidates(const ModelSearch& search,
   return out;
 }
 
+// Who knows the outputs until now predicts the next no worse than who does not: else simulation was luck, as of outputs
+// that wander off by themselves, or the noise is wrong.
+bool is_no_luck(const BlackBoxCandidate& candidate) {
+  constexpr double kWorse = 0.1;  // of the fit
+  return candidate.prediction > candidate.simulation - kWorse;
+}
+
 // The smallest order whose simulation of held-out rows is as good as the best.
 std::size_t best_simulation(const std::vector<BlackBoxCandidate>& all) {
+  const bool some = std::any_of(all.begin(), all.end(), is_no_luck);
+  const auto simulation = [&](const BlackBoxCandidate& each) {
+    return some && !is_no_luck(each) ? -std::numeric_limits<double>::infinity() : each.simulation;
+  };
   double best = -std::numeric_limits<double>::infinity();
-  for (const BlackBoxCandidate& each : all) best = std::max(best, each.simulation);
+  for (const BlackBoxCandidate& each : all) best = std::max(best, simulation(each));
   std::size_t chosen = 0;
   for (std::size_t k = all.size(); k-- > 0;) {
-    if (all[k].simulation < best - kSameFit) continue;
+    if (simulation(all[k]) < best - kSameFit) continue;
     const bool same_order =
-        all[k].order == all[chosen].order && all[chosen].simulation >= best - kSameFit;
+        all[k].order == all[chosen].order && simulation(all[chosen]) >= best - kSameFit;
     if (!same_order || all[k].simulation > all[chosen].simulation) chosen = k;
   }
   return chosen;
@@ -231,15 +245,14 @@ bool overfits(const std::vector<BlackBoxCandidate>& all) {
 // it follows one recording as closely as its order allows.
 std::size_t by_output_error(const ModelSearch& search, std::vector<BlackBoxCandidate>& all,
                             std::size_t simulator) {
-  constexpr double kNoticeably = 0.02;  // of the fit
   all.push_back(candidate(search, all[simulator].order, Refinement::output_error, false));
   const bool better = all.back().simulation > all[simulator].simulation + kNoticeably;
   return better ? all.size() - 1 : simulator;
 }
 
 // Where nothing is said what the model is for: the likeliest one, unless another simulates better.
-std::size_t choose(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
-                   const BlackBoxOptions& options) {
+std::size_t choose_stable(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
+                          const BlackBoxOptions& options) {
   if (search.purpose == BlackBoxPurpose::control) return best_for_control(search, all, options);
   if (search.structure != ModelStructure::states) {
     return search.simulates() && search.purpose == BlackBoxPurpose::simulation
@@ -262,6 +275,23 @@ std::size_t choose(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
   all.push_back(candidate(search, all[simulator].order, Refinement::prediction_error, false));
   const bool better = all.back().simulation > all[simulator].simulation && !overfits(all);
   return by_output_error(search, all, better ? all.size() - 1 : simulator);
+}
+
+// The same, and of what wanders off by itself a model that does too, where that simulates held-out rows noticeably better and
+// predicts them no worse.
+std::size_t choose(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
+                   const BlackBoxOptions& options) {
+  const std::size_t chosen = choose_stable(search, all, options);
+  const bool open = search.structure == ModelStructure::states && search.has_inputs &&
+                    search.purpose == BlackBoxPurpose::automatic;
+  if (!open) return chosen;
+  const BlackBoxCandidate& likeliest = all[least_bic(all)];
+  if (spectral_radius(likeliest.of_first.A) < kLargestPole * (1.0 - 1e-9)) return chosen;
+  const int order = likeliest.order;
+  all.push_back(candidate(search, order, Refinement::any_poles, false));
+  const bool better = all.back().simulation > all[chosen].simulation + kNoticeably &&
+                      all.back().prediction > all[chosen].prediction;
+  return better ? all.size() - 1 : chosen;
 }
 
 // The choice, fitted to all rows; a model whose predictions of them overflow is none.

@@ -85,8 +85,8 @@ struct Forecast {
 struct BlackBox {
   std::string purpose;  ///< "automatic", "simulation", "prediction" or "control"
   int order = 0;        ///< states of the model that was chosen
-  /// How it was found: "states", "simulation", "output_error" or "prediction_error"; of polynomials "arx", "armax",
-  /// "output_error" or "box_jenkins".
+  /// How it was found: "states", "simulation", "output_error", "prediction_error" or "any_poles" (the same, unstable
+  /// poles too); of polynomials "arx", "armax", "output_error" or "box_jenkins".
   std::string refinement;
   long lags = 0;                ///< rows that the predictor behind all of them looks back
   double held_out_share = 0.0;  ///< of every recording, at its end, that candidates were judged on

@@ -23,7 +23,6 @@ using Eigen::VectorXd;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Poles of a simulation that has to stay finite, however long it runs.
-constexpr double kLargestPole = 0.9999;
 
 double half_log_determinant(const MatrixXd& V) {
   const Eigen::LLT<MatrixXd> factor(V);
@@ -251,7 +250,7 @@ InnovationForm by_simulation(const InnovationForm& from, const ScaledRecordings&
 InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& recordings, int order,
                       Refinement how, bool stable) {
   InnovationForm model = start.states.model(order);
-  if (how == Refinement::prediction_error)
+  if (how == Refinement::prediction_error || how == Refinement::any_poles)
     model = refined(with_stable_predictor(model), recordings, start.sums);
   const bool was_stable = spectral_radius(model.A) <= kLargestPole;
   if (stable) model = with_poles_within(std::move(model), kLargestPole);

@@ -22,6 +22,7 @@ struct SubspaceStart {
   Realisation states;
 };
 
+inline constexpr double kLargestPole = 0.9999;     ///< of stable models
 inline constexpr Eigen::Index kRowsForState = 50;  ///< that a first state is taken from
 
 /// Rows that the predictor looks back: as many as recordings of this length and with these gaps determine.
@@ -38,6 +39,7 @@ enum class Refinement {
   simulation,        ///< B and D by simulation
   output_error,      ///< all but K by simulation
   prediction_error,  ///< all of it by the prediction error method
+  any_poles,         ///< the same, unstable ones too
   polynomials,       ///< the prediction error method of polynomials
 };
 

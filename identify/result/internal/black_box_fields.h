@@ -10,8 +10,9 @@
 namespace identikal {
 
 /// Ways to the matrices of a black box.
-inline const std::vector<std::string> kRefinements{
-    "states", "simulation", "prediction_error", "arx", "armax", "output_error", "box_jenkins"};
+inline const std::vector<std::string> kRefinements{"states",       "simulation", "prediction_error",
+                                                   "any_poles",    "arx",        "armax",
+                                                   "output_error", "box_jenkins"};
 
 template <class Fields>
 void describe(Fields& fields, BlackBox::Candidate& candidate) {

@@ -54,11 +54,18 @@ struct SteadyFilter {
     set_product(work_, model.G, model.Q);
     set_product(W, work_, model.G.transpose());
     set_product(Sw, model.G, model.S);
-    if (!start_by_doubling(model) && (slow || endless_ || !start_by_iteration(model))) return false;
+    const bool doubled = start_by_doubling(model);
+    if (!doubled && (slow || endless_ || !start_by_iteration(model))) return false;
     // Newton's method (Kleinman 1968) polishes: the gain's error enters P squared.
     constexpr int kRounds = 12;
     for (int round = 0; round < kRounds; ++round) {
-      if (!gain(model) || !powers.compute(F)) return false;
+      if (!gain(model)) return false;
+      if (!powers.compute(F)) {
+        // Where w and v are the same noise P = 0 is a solution, of a filter that may be unstable; the recursion
+        // comes down to the other one.
+        if (round > 0 || !doubled || !start_by_iteration(model)) return false;
+        if (!gain(model) || !powers.compute(F)) return false;
+      }
       Square next = W;
       noise_of_gain(model, next);
       powers.sum_forward(next);

@@ -152,5 +152,34 @@ TEST(SteadyState, IsFoundForSeasonalDifferencesSeenWithoutNoise) {
   EXPECT_NEAR(steady->Sigma(0, 0), 0.0013, 1e-14);
 }
 
+// One noise, and a zero of its way to the output outside of the circle: P = 0 solves the equation with an
+// unstable filter. By hand: (1 - 2 z) e / (1 - 0.8 z) has the spectrum of 4 times (1 - 0.5 z) e / (1 - 0.8 z).
+TEST(SteadyState, MirrorsZerosOfOneNoise) {
+  const auto one = [](double x) { return MatrixXd::Constant(1, 1, x); };
+  StateSpace s;
+  s.A = one(0.8), s.C = one(1.0), s.G = one(-1.2);
+  s.Q = s.R = s.S = one(0.7);
+  const auto steady = steady_state(s);
+  ASSERT_TRUE(steady.has_value());
+  EXPECT_NEAR(steady->K(0, 0), 0.8 - 0.5, 1e-12);
+  EXPECT_NEAR(steady->Sigma(0, 0), 4.0 * 0.7, 1e-12);
+  // Two outputs: the noise of the one has such a zero, that of the other has not.
+  StateSpace two;
+  two.A = MatrixXd{{0.8, 0.1}, {0.0, 0.5}};
+  two.C = two.G = MatrixXd::Identity(2, 2);
+  two.G(0, 0) = -1.2;
+  two.Q = MatrixXd{{0.7, 0.2}, {0.2, 0.4}};
+  two.R = two.S = two.Q;
+  const auto of_two = steady_state(two);
+  ASSERT_TRUE(of_two.has_value());
+  EXPECT_LT((two.A - of_two->K * two.C).eigenvalues().cwiseAbs().maxCoeff(), 0.99);
+  // The outputs' covariance is that of before.
+  const auto covariance = [&](const MatrixXd& K, const MatrixXd& Sigma) -> MatrixXd {
+    const auto P = solve_discrete_lyapunov(two.A, K * Sigma * K.transpose());
+    return two.C * P.value() * two.C.transpose() + Sigma;
+  };
+  EXPECT_LT((covariance(of_two->K, of_two->Sigma) - covariance(two.G, two.Q)).norm(), 1e-11);
+}
+
 }  // namespace
 }  // namespace identikal
