@@ -153,15 +153,11 @@ std::vector<BlackBoxCandidate> polynomial_candidates(const ModelSearch& search,
   return out;
 }
 
-// Who knows the outputs until now predicts the next no worse than who does not: else simulation was luck, as of outputs
-// that wander off by themselves, or the noise is wrong.
-bool is_no_luck(const BlackBoxCandidate& candidate) {
-  constexpr double kWorse = 0.1;  // of the fit
-  return candidate.prediction > candidate.simulation - kWorse;
-}
-
-// The smallest order whose simulation of held-out rows is as good as the best.
+// The smallest order whose simulation of held-out rows is as good as the best, and no luck (as of outputs that wander off
+// by themselves) nor of wrong noise: who knows the outputs until now predicts the next no worse than who does not.
 std::size_t best_simulation(const std::vector<BlackBoxCandidate>& all) {
+  constexpr double kWorse = 0.1;  // of the fit
+  const auto is_no_luck = [](const auto& c) { return c.prediction > c.simulation - kWorse; };
   const bool some = std::any_of(all.begin(), all.end(), is_no_luck);
   const auto simulation = [&](const BlackBoxCandidate& each) {
     return some && !is_no_luck(each) ? -std::numeric_limits<double>::infinity() : each.simulation;
