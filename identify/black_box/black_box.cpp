@@ -510,10 +510,10 @@ Findings judged(const ModelSearch& search, const BlackBoxCandidate& chosen) {
         "other inputs, longer recordings, or a model of what is known of the system"));
   }
   if (spectral_radius(chosen.model.A) > 1.0) {
-    out.push_back(
-        make_finding(FindingCode::other, {},
-                     "the model is unstable: its predictions are not, its simulations are",
-                     "recorded in closed loop that may be right"));
+    const char* what = "the model is unstable: its predictions are not, its simulations are";
+    out.push_back(make_finding(
+        FindingCode::other, {}, search.has_inputs ? what : "the model is unstable: forecasts grow",
+        "of a closed loop, or of outputs that wander off by themselves, that may be right"));
   }
   return out;
 }

@@ -454,7 +454,7 @@ TEST(BlackBox, NothingInContinuousTimeOfAPoleBelowZero) {
 }
 
 // Sales that follow a leading indicator three rows later and wander off by themselves, as of Box and Jenkins' series M: what
-// simulates one stretch of them best does so by luck.
+// simulates one part of them best does so by luck.
 Record sales(std::uint64_t seed) {
   Random random(seed);
   constexpr Index kRows = 150;
