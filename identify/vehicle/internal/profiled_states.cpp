@@ -69,8 +69,12 @@ bool ProfiledStates::move_states(const Eigen::VectorXd& shared, double lacking) 
   }
   if (!(now_.L < highest_)) {
     highest_ = now_.L;
-    likeliest_ = now_.z;  // and the step that has not been made
-    likeliest_.tail(likeliest_.size() - shared_) += now_.eliminated.states;
+    likeliest_ = now_.z;
+    // And the step that was too short to be made; a longer one has brought nothing.
+    if (now_.eliminated.gain <= kStatesNearSettled) {
+      likeliest_.tail(likeliest_.size() - shared_) += now_.eliminated.states;
+      likeliest_ = clipped(std::move(likeliest_));
+    }
     by_shared_ = now_.eliminated.by_shared;
   }
   return true;
