@@ -85,7 +85,7 @@ void fit_to_all_rows(const ModelSearch& search, BlackBoxCandidate& candidate) {
 BlackBoxCandidate candidate(const ModelSearch& search, int order, Refinement how, bool with_bic) {
   BlackBoxCandidate out{
       order, how, fitted(search.of_first, search.parts.first, order, how, search.is_stable(how))};
-  judge_on_held_out(out, search.parts.rest);
+  judge_on_held_out(out, search.parts);
   if (with_bic) fit_to_all_rows(search, out);
   return out;
 }
@@ -125,7 +125,7 @@ BlackBoxCandidate polynomial_candidate(const ModelSearch& search, const BlackBox
   BlackBoxCandidate out;
   out.refinement = Refinement::polynomials;
   take_polynomials(structure, search.of_first, search.parts.first, order, out);
-  judge_on_held_out(out, search.parts.rest);
+  judge_on_held_out(out, search.parts);
   take_polynomials(structure, search.of_all, search.all, order, out);
   judge_on_fitted(out, search.all, search.of_all.sums);
   out.order = static_cast<int>(out.model.states());
@@ -154,13 +154,11 @@ std::vector<BlackBoxCandidate> polynomial_candidates(const ModelSearch& search,
 }
 
 // The smallest order whose simulation of held-out rows is as good as the best, and no luck (as of outputs that wander off
-// by themselves) nor of wrong noise: who knows the outputs until now predicts the next no worse than who does not.
+// by themselves): who knows the outputs until now predicts the next no worse than who does not, unless his noise is wrong.
 std::size_t best_simulation(const std::vector<BlackBoxCandidate>& all) {
-  constexpr double kWorse = 0.1;  // of the fit
-  const auto is_no_luck = [](const auto& c) { return c.prediction > c.simulation - kWorse; };
-  const bool some = std::any_of(all.begin(), all.end(), is_no_luck);
+  const bool some = std::any_of(all.begin(), all.end(), [](const auto& c) { return !c.lucky; });
   const auto simulation = [&](const BlackBoxCandidate& each) {
-    return some && !is_no_luck(each) ? -std::numeric_limits<double>::infinity() : each.simulation;
+    return some && each.lucky ? -std::numeric_limits<double>::infinity() : each.simulation;
   };
   double best = -std::numeric_limits<double>::infinity();
   for (const BlackBoxCandidate& each : all) best = std::max(best, simulation(each));
@@ -273,8 +271,8 @@ std::size_t choose_stable(ModelSearch& search, std::vector<BlackBoxCandidate>& a
   return by_output_error(search, all, better ? all.size() - 1 : simulator);
 }
 
-// The same, and of what wanders off by itself a model that does too, where that simulates held-out rows noticeably better and
-// predicts them no worse.
+// The same, and of what wanders off by itself a model that does too, where that simulates and predicts held-out rows better,
+// one of both noticeably.
 std::size_t choose(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
                    const BlackBoxOptions& options) {
   const std::size_t chosen = choose_stable(search, all, options);
@@ -285,8 +283,10 @@ std::size_t choose(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
   if (spectral_radius(likeliest.of_first.A) < kLargestPole * (1.0 - 1e-9)) return chosen;
   const int order = likeliest.order;
   all.push_back(candidate(search, order, Refinement::any_poles, false));
-  const bool better = all.back().simulation > all[chosen].simulation + kNoticeably &&
-                      all.back().prediction > all[chosen].prediction;
+  const double simulation = all.back().simulation - all[chosen].simulation,
+               prediction = all.back().prediction - all[chosen].prediction;
+  const bool better =
+      std::min(simulation, prediction) > 0.0 && std::max(simulation, prediction) > kNoticeably;
   return better ? all.size() - 1 : chosen;
 }
 
@@ -587,7 +587,7 @@ double best_simulation(const HeldOut& of, const BlackBoxOptions& options) {
   for (int order = std::min(options.least_order, most); order <= most; ++order) {
     BlackBoxCandidate each{order, Refinement::none,
                            fitted(of.start, of.parts.first, order, Refinement::none, true)};
-    judge_on_held_out(each, of.parts.rest);
+    judge_on_held_out(each, of.parts);
     best = std::max(best, each.simulation);
   }
   return best;

@@ -118,10 +118,13 @@ std::string to_string(Verdict verdict) {
 
 namespace {
 
-/// A serious finding is about all parameters, but for the one that knows which it is about.
-bool is_doubted(const std::string& parameter, const Findings& findings) {
+/// A serious finding is about all parameters, but for the one that knows which it is about. Of a
+/// result that is rejected for another reason, as parameters that are not determined, those alone
+/// count that would make it untrusted.
+bool is_doubted(const std::string& parameter, const Findings& findings, Status status) {
   return std::any_of(findings.begin(), findings.end(), [&](const Finding& f) {
     if (f.severity != Severity::serious) return false;
+    if (status != Status::untrusted && kind_of(f.code).effect != Status::untrusted) return false;
     const bool of_some = f.code == FindingCode::structure_dependent ||
                          f.code == FindingCode::several_maxima ||
                          f.code == FindingCode::weak_direction;
@@ -136,9 +139,9 @@ void conclude(Estimate& estimate, const std::string& message_when_ok, Basis basi
   estimate.status = conclusion.status;
   estimate.message = std::move(conclusion.message);
   estimate.findings = std::move(conclusion.findings);
-  if (estimate.status != Status::untrusted) return;
+  if (estimate.status != Status::untrusted && estimate.status != Status::rejected) return;
   for (EstimatedParameter& p : estimate.parameters) {
-    const bool doubted = is_doubted(p.name, estimate.findings);
+    const bool doubted = is_doubted(p.name, estimate.findings, estimate.status);
     if (!p.fixed && p.verdict == Verdict::ok && doubted) p.verdict = Verdict::untrusted;
   }
 }

@@ -33,7 +33,7 @@ constexpr std::array<FindingKind, 111> kKinds = {{
      Severity::serious, Status::untrusted, Rank::answer, InMessage::text,
      "A drive beyond what the result was fitted to contradicts it"},
     {FindingCode::reference_band, "reference_band", Severity::serious, Severity::serious,
-     Status::untrusted, Rank::other, InMessage::addition,
+     Status::untrusted, Rank::other, InMessage::misfit,
      "Errors against a reference are not of the size that the filter says, by more than a factor "
      "of two in their mean square"},
     {FindingCode::reference_disagrees, "reference_disagrees", Severity::warning, Severity::warning,

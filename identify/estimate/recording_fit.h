@@ -60,6 +60,7 @@ std::string in_words(const DrivenRange& range);
 struct ReferenceFit {
   std::string name, unit;
   long rows = 0;
+  double independent = kNone;  ///< as many independent errors tell as much of nees as these do
   double rmse = kNone, bias = kNone;  ///< root of the mean of e^2, mean of e; in `unit`
   double sd = kNone;                  ///< root of the mean of v, in `unit`
   double nees = kNone;       ///< normalised error squared, mean of e^2 / v: 1 where v is right

@@ -1,12 +1,15 @@
 #include "identify/filter/reference_errors.h"
 
+#include <algorithm>
 #include <cmath>
 
+#include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
 #include "lib/base/constants.h"
 #include "lib/base/median.h"
 #include "lib/base/nearest_turn.h"
 #include "lib/model/nonlinear_model.h"
+#include "lib/statistics/autoregression.h"
 
 namespace identikal {
 namespace {
@@ -100,6 +103,17 @@ Channel channel_of(const Model& model, const Dataset& recording, std::size_t i) 
   return {model.references.channels[i].name, model.references.channels[i].si_unit};
 }
 
+// Of each recording at least one.
+double independent_errors(const std::vector<std::vector<double>>& normalised) {
+  double sum = 0.0;
+  for (const std::vector<double>& each : normalised) {
+    if (each.empty()) continue;
+    const Eigen::Map<const VectorXd> e(each.data(), static_cast<Index>(each.size()));
+    sum += std::max(1.0, independent_samples(e));
+  }
+  return sum;
+}
+
 }  // namespace
 
 FilterStatus for_each_reference(const Model& model, const ParameterSet& at,
@@ -166,11 +180,13 @@ std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet&
   struct Sums {
     long rows = 0, covered = 0;
     double e = 0.0, squares = 0.0, v = 0.0, nees = 0.0, log = 0.0;
+    std::vector<std::vector<double>> normalised;  // e/v^1/2, per recording
   };
   std::vector<Sums> sums(model.references.channels.size());
   RecordingsLikelihood filters(model, recordings);
   if (settled.empty()) settled = first_settled_rows(model, at, recordings, filters);
   if (settled.empty()) return {};
+  for (Sums& s : sums) s.normalised.resize(recordings.size());
   const auto add = [&](const ReferenceError& at_row) {
     if (!(at_row.v > 0.0) || !std::isfinite(at_row.e)) return;
     if (at_row.row < settled[at_row.recording][static_cast<std::size_t>(at_row.reference)]) return;
@@ -184,6 +200,7 @@ std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet&
     s.v += at_row.v;
     s.nees += ratio;
     s.log -= 0.5 * (ratio + std::log(at_row.v) + kLogTwoPi);
+    s.normalised[at_row.recording].push_back(at_row.e / std::sqrt(at_row.v));
   };
   if (for_each_reference(model, at, recordings, filters, false, add) != FilterStatus::ok) return {};
   std::vector<ReferenceFit> out;
@@ -193,11 +210,19 @@ std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet&
     const auto count = static_cast<double>(s.rows);
     const Channel channel = channel_of(model, recordings.front(), i);
     const double scale = unit_scale(channel.unit);
-    out.push_back({channel.name, channel.unit, s.rows, std::sqrt(s.squares / count) / scale,
-                   s.e / count / scale, std::sqrt(s.v / count) / scale, s.nees / count,
+    out.push_back({channel.name, channel.unit, s.rows, independent_errors(s.normalised),
+                   std::sqrt(s.squares / count) / scale, s.e / count / scale,
+                   std::sqrt(s.v / count) / scale, s.nees / count,
                    static_cast<double>(s.covered) / count, s.log / count + std::log(scale)});
   }
   return out;
+}
+
+bool is_out_of_band(const ReferenceFit& fit) {
+  constexpr double kLeast = 0.5, kMost = 2.0, kLevel = 0.01;
+  if (fit.nees > kLeast && fit.nees < kMost) return false;
+  const double above = chi_square_upper_tail(fit.nees * fit.independent, fit.independent);
+  return std::min(above, 1.0 - above) < kLevel;
 }
 
 }  // namespace identikal

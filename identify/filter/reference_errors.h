@@ -58,4 +58,14 @@ std::vector<ReferenceFit> reference_fits(const Model& model, const ParameterSet&
                                          const std::vector<Dataset>& recordings,
                                          SettledRows settled = {});
 
+/// Are the errors of another size than the filter says? Where nees is below 1/2 or above 2, and less
+/// likely than 1 in 100 of as many independent errors (chi-square).
+///
+/// Example:
+///
+///     for (const ReferenceFit& fit : reference_fits(model, model.parameters, recordings)) {
+///       if (is_out_of_band(fit)) std::printf("%s: NEES %g\n", fit.name.c_str(), fit.nees);
+///     }
+bool is_out_of_band(const ReferenceFit& fit);
+
 }  // namespace identikal

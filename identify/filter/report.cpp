@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
+#include "identify/estimate/covariance_factor.h"
 #include "identify/estimate/test_result.h"
 #include "identify/filter/channel_fit.h"
 #include "identify/filter/model_filter.h"
@@ -572,6 +573,43 @@ void report_innovations(FilterEstimate& estimate, const std::vector<Dataset>& re
   report_tests(estimate, recordings, filters);
 }
 
+namespace {
+
+// Errors five times as large as the filter says: no noise is that wrong.
+constexpr double kAbsurdNees = 25.0;
+
+Finding errors_out_of_band(const ReferenceFit& fit) {
+  std::string remedy =
+      "see first whether the reference's column, unit, axes and clock are right, "
+      "then whether the model is";
+  if (fit.nees < kAbsurdNees) {
+    remedy = fmt::format(
+        "multiply its variance by {:.3g} wherever it is used, or give the error "
+        "that lasts a state of its own",
+        fit.nees);
+  }
+  return make_finding(
+      FindingCode::reference_band, {fit.name},
+      fmt::format("the errors of {} are {:.2g} times what the filter says they are (NEES {:.3g}, "
+                  "{:.0f} % in the 95 % band)",
+                  fit.name, std::sqrt(fit.nees), fit.nees, 100.0 * fit.coverage),
+      remedy);
+}
+
+void report_references(FilterEstimate& estimate, const Model& model, const ParameterSet& parameters,
+                       const std::vector<Dataset>& recordings) {
+  estimate.references = reference_fits(model, parameters, recordings);
+  for (const ReferenceFit& fit : estimate.references) {
+    if (!is_out_of_band(fit)) continue;
+    estimate.findings.push_back(errors_out_of_band(fit));
+    if (fit.nees < kAbsurdNees) {
+      estimate.derived.push_back({kCovarianceFactor + fit.name, "", fit.nees, kNone});
+    }
+  }
+}
+
+}  // namespace
+
 std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& model,
                                         const ParameterSet& parameters,
                                         const std::vector<Dataset>& recordings) {
@@ -596,7 +634,7 @@ std::vector<FilterResult> report_filter(FilterEstimate& estimate, const Model& m
     estimate.objective.log_likelihood += filters.back().log_likelihood;
   }
   report_innovations(estimate, recordings, filters);
-  estimate.references = reference_fits(model, parameters, recordings);
+  report_references(estimate, model, parameters, recordings);
   if (is_formula_model(model)) {
     append(estimate.findings,
            check_integration(model, parameters, recordings, estimate.objective.integration_step));

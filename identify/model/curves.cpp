@@ -117,6 +117,11 @@ std::string hat(const Axis& axis, const std::string& z, std::size_t i) {
   return "(" + out + ")";
 }
 
+bool carries_unit(const Node& value) {
+  const auto quantity = split_quantity(value.text);
+  return quantity && !quantity->unit.empty();
+}
+
 // Writes one curve: its formula, and its parameters where the file has none of that name.
 class CurveWriter {
  public:
@@ -176,7 +181,8 @@ class CurveWriter {
     for (std::size_t i = 0; i < suffixes.size(); ++i) {
       Node value = yaml_mapping();
       append(value, "value", values != nullptr ? values->items[i] : yaml_scalar("0", node_));
-      if (unit != nullptr) append(value, "unit", *unit);
+      const bool has_its_own = values != nullptr && carries_unit(values->items[i]);
+      if (unit != nullptr && !has_its_own) append(value, "unit", *unit);
       names.push_back(name_ + suffixes[i]);
       add(names.back(), std::move(value));
     }

@@ -8,7 +8,6 @@
 #include <Eigen/QR>
 #include <fmt/format.h>
 
-#include "identify/estimate/covariance_factor.h"
 #include "identify/estimate/distribution.h"
 #include "identify/estimate/parameter_table.h"
 #include "identify/filter/recordings_check.h"
@@ -352,23 +351,6 @@ void judge(Criterion& criterion, const BestOfStarts& found, NoiseEstimate& estim
   }
 }
 
-// Is the filter's own variance that of its errors?
-void check_band(NoiseEstimate& estimate) {
-  constexpr double kLeast = 0.5, kMost = 2.0;
-  for (const ReferenceFit& fit : estimate.references) {
-    if (fit.nees > kLeast && fit.nees < kMost) continue;
-    estimate.findings.push_back(make_finding(
-        FindingCode::reference_band, {fit.name},
-        fmt::format("the errors of {} are {:.2g} times what the filter says they are (NEES {:.3g}, "
-                    "{:.0f} % in the 95 % band)",
-                    fit.name, std::sqrt(fit.nees), fit.nees, 100.0 * fit.coverage),
-        fmt::format("multiply its variance by {:.3g} wherever it is used, or give the error that "
-                    "lasts a state of its own",
-                    fit.nees)));
-    estimate.derived.push_back({kCovarianceFactor + fit.name, "", fit.nees, kNone});
-  }
-}
-
 }  // namespace
 
 NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>& recordings,
@@ -434,7 +416,6 @@ NoiseEstimate tune_to_references(const Model& given, const std::vector<Dataset>&
   if (!found.best.summary.usable()) withdraw_errors(estimate);
   append(estimate.findings, check_search(estimate, found.best.summary));
   report_filter(estimate, model, end, recordings);
-  check_band(estimate);
   conclude(estimate, "converged: no other noise brings the estimates closer to the references");
   return estimate;
 }

@@ -41,6 +41,7 @@ InputNodes input_nodes(const Eigen::VectorXd& time, const Eigen::MatrixXd& u, In
   out.time = time;
   out.at_sample = u;
   out.steps = steps;
+  out.straight = path != InputPath::pchip;
   Index columns = 0;
   for (Index k = 0; k + 1 < N; ++k) {
     const int count = steps[k];

@@ -11,6 +11,7 @@
 #include "lib/internal/add_scaled.h"
 #include "lib/internal/fixed_steps.h"
 #include "lib/model/equilibrium.h"
+#include "lib/model/internal/affine_motion.h"
 #include "lib/model/internal/controlled_motion.h"
 #include "lib/model/internal/doses.h"
 #include "lib/model/internal/rates.h"
@@ -76,6 +77,18 @@ std::vector<int> moving_symbols(const FormulaNodes& nodes) {
   std::vector<int> out = symbol_range(0, nodes.states + nodes.inputs);
   out.push_back(nodes.states + nodes.inputs + nodes.parameters);
   return out;
+}
+
+// Do the rates' derivatives by the inputs depend on the parameters alone, and nothing on the time?
+bool is_linear_in_inputs(FormulaGraph& graph, const FormulaNodes& nodes) {
+  const std::vector<int> moving = moving_symbols(nodes);
+  const std::vector<int> inputs(moving.begin() + nodes.states, moving.end() - 1);
+  const auto stays = [&](Id slope) { return graph.is_free_of(slope, moving); };
+  return std::all_of(nodes.dynamics.begin(), nodes.dynamics.end(), [&](Id rate) {
+    const std::vector<Id> slopes = graph.gradient(rate, inputs);
+    return graph.is_free_of(rate, {&moving.back(), 1}) &&
+           std::all_of(slopes.begin(), slopes.end(), stays);
+  });
 }
 
 void check_step_arguments(const NonlinearModel& model, const InputNodes& inputs, Index k) {
@@ -463,6 +476,7 @@ NonlinearModel make_nonlinear_model(FormulaNodes nodes, Derivatives order,
   const std::vector<int> driving(moving.begin() + nodes.states, moving.end());
   out.autonomous =
       std::all_of(f.begin(), f.end(), [&](Id rate) { return graph.is_free_of(rate, driving); });
+  out.affine = out.linear_in_state && is_linear_in_inputs(graph, nodes);
   out.rate_jacobian = make_tape(graph, f, by_f);
   out.output_jacobian = make_tape(graph, h, by_h);
   if (!nodes.doses.empty()) {
@@ -514,6 +528,7 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
     evaluate_held(tape, slots);
   };
   memory.repeated.clear();
+  memory.affine.clear();
   write(model.rates, memory.rates);
   write(model.rate_jacobian, memory.rate_jacobian);
   write(model.output_jacobian, memory.output_jacobian);
@@ -521,6 +536,30 @@ void set_parameters(const NonlinearModel& model, ModelMemory& memory,
   if (model.order == Derivatives::first) return;
   write(model.rate.tape, memory.rate_curvature);
   write(model.output.tape, memory.output_curvature);
+}
+
+void follow_fixed_steps(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
+                        Index k, Eigen::Ref<Eigen::VectorXd> x, Jacobian* jacobian) {
+  if (jacobian != nullptr) {
+    follow_motion(model, m, inputs, k, x, *jacobian, Derivatives::first, nullptr);
+    return;
+  }
+  const auto interval = static_cast<std::size_t>(k);
+  const Index first = inputs.first[interval], nx = model.states;
+  auto rate = m.rate.head(nx), at_stage = m.stage.head(nx), sum = m.sum.head(nx);
+  const int steps = inputs.steps[interval];
+  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
+  for (int i = 0; i < steps; ++i) {
+    sum = x;
+    at_stage = x;
+    for (const RungeKuttaStage& stage : kRungeKuttaStages) {
+      if (stage.reach > 0.0) at_stage = x + (stage.reach * h) * rate;
+      evaluate_rates(model, m, at_stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
+                     inputs.time[k] + (i + stage.reach) * h);
+      sum += (stage.weight * h) * rate;
+    }
+    x = sum;
+  }
 }
 
 SlopesAt rates_at(const NonlinearModel& model, ModelMemory& m, Derivatives order, const double* x,
@@ -550,29 +589,16 @@ void step(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
           Eigen::Ref<Eigen::VectorXd> x) {
   check_step_arguments(model, inputs, k);
   if (has_doses(model)) add_doses(model, m, inputs, k, x);
-  const auto interval = static_cast<std::size_t>(k);
-  const Index first = inputs.first[interval];
-  const Index nx = model.states;
-  auto rate = m.rate.head(nx), at_stage = m.stage.head(nx), sum = m.sum.head(nx);
   if (!model.continuous) {
+    const Index first = inputs.first[static_cast<std::size_t>(k)];
     evaluate_rates(model, m, x.data(), inputs.u.col(first).data(), inputs.time[k]);
-    x = rate;
+    x = m.rate.head(model.states);
     return;
   }
   if (comes_to_rest(inputs, k)) return come_to_rest(model, m, inputs, k, x, nullptr);
   if (inputs.tolerance > 0.0) return move_controlled(model, m, inputs, k, x, nullptr);
-  const int steps = inputs.steps[interval];
-  const double h = (inputs.time[k + 1] - inputs.time[k]) / steps;
-  for (int i = 0; i < steps; ++i) {
-    sum = x;
-    at_stage = x;
-    for (const RungeKuttaStage& stage : kRungeKuttaStages) {
-      if (stage.reach > 0.0) at_stage = x + (stage.reach * h) * rate;
-      evaluate_rates(model, m, at_stage.data(), inputs.u.col(first + 2 * i + stage.node).data(),
-                     inputs.time[k] + (i + stage.reach) * h);
-      sum += (stage.weight * h) * rate;
-    }
-    x = sum;
+  if (!repeat_affine_motion(model, m, inputs, k, x, nullptr)) {
+    follow_fixed_steps(model, m, inputs, k, x, nullptr);
   }
 }
 
@@ -623,7 +649,8 @@ void move(const NonlinearModel& model, ModelMemory& m, const InputNodes& inputs,
   }
   if (model.linear_in_state && (noisy || order == Derivatives::second)) {
     step_linear_in_state(model, m, inputs, k, x, jacobian, order, gramians);
-  } else {
+  } else if (noisy || order == Derivatives::second ||
+             !repeat_affine_motion(model, m, inputs, k, x, &jacobian)) {
     follow_motion(model, m, inputs, k, x, jacobian, order, gramians);
   }
 }

@@ -79,6 +79,8 @@ struct NonlinearModel {
   bool continuous = true;
   /// df/dx depends on the parameters alone; and so does all of f but for x.
   bool linear_in_state = false, autonomous = false;
+  /// f = A(p) x + B(p) u + c(p).
+  bool affine = false;
   Derivatives order = Derivatives::first;  ///< that the tapes below can give
   Tape rates;                              ///< f
   /// f, h and their Jacobians with respect to z = [x; those of p that `column` counts].
@@ -127,6 +129,7 @@ struct InputNodes {
   Eigen::MatrixXd at_sample;
   /// > 0: steps are chosen during the integration, see controlled_nodes().
   double tolerance = 0.0;
+  bool straight = true;       ///< InputPath::constant or linear
   std::vector<Pchip> curves;  ///< of those, per input; empty: straight between an interval's ends
   /// From this sample on, 0-based, the state has come to rest under the sample's inputs
   /// (lib/model/equilibrium.h), however long before it was elsewhere. -1: nowhere.
@@ -205,6 +208,19 @@ struct RepeatedStep {
   Gramians gramians;  ///< without densities: none
 };
 
+/// What the Runge-Kutta steps of an interval make of v = [x(k); u(k), u towards k+1] where f is
+/// linear in state and inputs, which go straight from one to the other:
+///
+///   x(k+1) = at_zero + map v,   dx(k+1)/dp = slope_at_zero + sum_j v_j slopes_j
+struct AffineStep {
+  double interval = 0.0;  ///< [s]
+  int steps = 0;
+  Eigen::VectorXd at_zero;
+  Eigen::MatrixXd map;            ///< nx x (nx + 2 nu); empty: not made yet
+  Eigen::MatrixXd slope_at_zero;  ///< nx x columns
+  Eigen::MatrixXd slopes;         ///< nx x columns (nx + 2 nu), side by side
+};
+
 /// Memory of an evaluation, one per thread; parameters are those last set.
 struct ModelMemory {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -222,6 +238,8 @@ struct ModelMemory {
   Rows dose_jacobian;                ///< nx x (nx + columns)
   StepControl control;
   std::vector<RepeatedStep> repeated;  ///< since the parameters were set
+  std::vector<AffineStep> affine;      ///< the same
+  Eigen::VectorXd v;                   ///< of those
 };
 ModelMemory make_memory(const NonlinearModel& model);
 

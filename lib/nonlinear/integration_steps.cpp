@@ -67,45 +67,92 @@ struct Settled {
   StepStatus status = StepStatus::ok;
   int steps = 1;
   double by = 0.0;  // changed by twice as many
-  VectorXd end;     // of those
+  VectorXd end;     // of those; empty where nobody needs it
 };
 
-// Doubles the steps until that changes nothing. Through a jump in the rates no sensible number of
-// steps would do, and a few are taken.
-Settled settle(const NonlinearModel& model, ModelMemory& memory, OneInterval& interval,
-               const VectorXd& x, const VectorXd& least, const StepTolerance& tolerance) {
-  // A smooth motion's change falls by 4096 with eight times the steps, that through a jump by 8.
-  constexpr double kSlow = 1e-2, kNear = 1e-2;
-  const auto moved = [&](int steps) {
-    VectorXd end = x;
-    step(model, memory, interval.in_steps(steps), interval.at(), end);
+// Doubles the steps until that changes nothing. Where the changes fall as those of a smooth motion
+// do, to a sixteenth by every doubling, they tell how many it takes. Through a jump in the rates no
+// sensible number of steps would do, and a few are taken.
+class Settling {
+ public:
+  Settling(const NonlinearModel& model, ModelMemory& memory, OneInterval& interval,
+           const VectorXd& x, const VectorXd& least, const StepTolerance& tolerance)
+      : model_(model),
+        memory_(memory),
+        interval_(interval),
+        x_(x),
+        least_(least),
+        tolerance_(tolerance) {}
+
+  Settled run(bool needs_end) {
+    begin_at(1);
+    while (!(out_.by <= tolerance_.relative) && 2 * out_.steps <= tolerance_.most) {
+      if (is_smooth() && foresee(needs_end)) return out_;
+      // A smooth motion's change falls by 4096 with eight times the steps, that through a jump by 8.
+      constexpr double kSlow = 1e-2, kNear = 1e-2;
+      double_steps();
+      if (before_[0] > kNear || !(out_.by > kSlow * before_[0])) continue;
+      begin_at(std::min(out_.steps, kFew));
+      break;
+    }
+    if (!out_.end.allFinite() || !coarse_.allFinite()) {
+      out_.status = StepStatus::not_finite;
+    } else if (!(out_.by <= tolerance_.relative)) {
+      out_.status = StepStatus::capped;
+    }
+    return out_;
+  }
+
+ private:
+  VectorXd moved(int steps) {
+    VectorXd end = x_;
+    step(model_, memory_, interval_.in_steps(steps), interval_.at(), end);
     return end;
-  };
-  Settled out;
-  VectorXd end = moved(1);
-  out.end = moved(2);
-  out.by = relative_change(end, out.end, least);
-  std::array<double, 3> before{kInfinity, kInfinity, kInfinity};  // by 1/8, 1/4, 1/2 of the steps
-  while (!(out.by <= tolerance.relative) && 2 * out.steps <= tolerance.most) {
-    before = {before[1], before[2], out.by};
-    out.steps *= 2;
-    end = out.end;
-    out.end = moved(2 * out.steps);
-    out.by = relative_change(end, out.end, least);
-    if (before[0] > kNear || !(out.by > kSlow * before[0])) continue;
-    out.steps = std::min(out.steps, kFew);
-    end = moved(out.steps);
-    out.end = moved(2 * out.steps);
-    out.by = relative_change(end, out.end, least);
-    break;
   }
-  if (!out.end.allFinite() || !end.allFinite()) {
-    out.status = StepStatus::not_finite;
-  } else if (!(out.by <= tolerance.relative)) {
-    out.status = StepStatus::capped;
+  void begin_at(int steps) {
+    out_.steps = steps;
+    coarse_ = moved(steps);
+    out_.end = moved(2 * steps);
+    out_.by = relative_change(coarse_, out_.end, least_);
   }
-  return out;
-}
+  void double_steps() {
+    before_ = {before_[1], before_[2], out_.by};
+    out_.steps *= 2;
+    coarse_ = std::move(out_.end);
+    out_.end = moved(2 * out_.steps);
+    out_.by = relative_change(coarse_, out_.end, least_);
+  }
+  bool is_smooth() const {
+    constexpr double kLeast = 11.0, kMost = 23.0;
+    const auto falls = [](double before, double by) {
+      return std::isfinite(before) && before > kLeast * by && before < kMost * by;
+    };
+    return falls(before_[1], before_[2]) && falls(before_[2], out_.by);
+  }
+  // @return are there as many steps as it takes? Not where it is a close thing.
+  bool foresee(bool needs_end) {
+    constexpr double kFall = 16.0, kClose = 1.4;
+    int steps = out_.steps;
+    double by = out_.by;
+    for (; !(by <= tolerance_.relative); by /= kFall) steps *= 2;
+    const bool close =
+        by * kClose > tolerance_.relative || by * kFall < kClose * tolerance_.relative;
+    if (close || steps > tolerance_.most) return false;
+    out_.steps = steps;
+    out_.by = by;
+    out_.end = needs_end ? moved(2 * steps) : VectorXd();
+    return out_.end.allFinite();
+  }
+
+  const NonlinearModel& model_;
+  ModelMemory& memory_;
+  OneInterval& interval_;
+  const VectorXd &x_, &least_;
+  const StepTolerance& tolerance_;
+  Settled out_;
+  VectorXd coarse_;                                                // with half as many as out_.end
+  std::array<double, 3> before_{kInfinity, kInfinity, kInfinity};  // by 1/8, 1/4, 1/2 of the steps
+};
 
 void check_tolerance(const StepTolerance& tolerance) {
   const bool possible = tolerance.most >= 1 && tolerance.most <= kMostSteps;
@@ -199,8 +246,8 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
     VectorXd x = x0;
     for (Index k = 0; k + 1 < N; ++k) {
       OneInterval interval(time, u, path, k);
-      const Settled settled =
-          settle(model, memory, interval, x, tolerance.floor * largest, tolerance);
+      const VectorXd least = tolerance.floor * largest;
+      const Settled settled = Settling(model, memory, interval, x, least, tolerance).run(true);
       if (settled.status == StepStatus::not_finite) {
         return {StepStatus::not_finite, k, {}, settled.by};
       }
@@ -257,7 +304,7 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
       here.most = static_cast<int>(
           std::min<double>(kMostSteps, tolerance.most * std::max(1.0, length / usual)));
       const VectorXd size = largest.cwiseMax(P.diagonal().cwiseMax(0.0).cwiseSqrt());
-      const Settled at_middle = settle(model, memory, inputs, middle, size, here);
+      const Settled at_middle = Settling(model, memory, inputs, middle, size, here).run(false);
       note(out, at_middle.status, k);
       int needed = at_middle.steps;
       double by = at_middle.by;
@@ -267,8 +314,9 @@ IntegrationSteps integration_steps(const NonlinearModel& model, const Eigen::Ref
                          LookedAround::is_nothing(at_middle, here.relative);
       if (!known && set_covariance_factor(P, none, L, no_jacobian) != FilterStatus::ok) break;
       for (Index point = 0; !known && point < 2 * nx; ++point) {
+        if (L.col(point % nx).isZero(0.0)) continue;  // the middle itself
         const VectorXd x = middle + (point < nx ? 1.0 : -1.0) * L.col(point % nx);
-        const Settled settled = settle(model, memory, inputs, x, size, here);
+        const Settled settled = Settling(model, memory, inputs, x, size, here).run(false);
         // What a point far out does is the filter's affair, where it comes to it.
         if (settled.status == StepStatus::not_finite) continue;
         note(out, settled.status, k);

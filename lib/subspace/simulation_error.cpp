@@ -74,16 +74,21 @@ NormalEquations normal_equations(const InnovationForm& model, const MatrixXd& y,
   return sums;
 }
 
-// A model's matrices along one direction.
-struct Step {
+// A model's matrices along all directions, one below the other.
+struct Steps {
+  Index count = 0;
   MatrixXd A, B, C, D;
 };
 
-std::vector<Step> steps(const InnovationForm& model, const MatrixXd& directions) {
-  std::vector<Step> out;
-  for (Index k = 0; k < directions.cols(); ++k) {
+Steps steps(const InnovationForm& model, const MatrixXd& directions) {
+  const Index n = model.states(), m = model.inputs(), p = model.outputs(), d = directions.cols();
+  Steps out{d, MatrixXd(n * d, n), MatrixXd(n * d, m), MatrixXd(p * d, n), MatrixXd(p * d, m)};
+  for (Index k = 0; k < d; ++k) {
     const InnovationForm along = with_simulation_parameters(model, directions.col(k));
-    out.push_back({along.A, along.B, along.C, along.D});
+    out.A.middleRows(n * k, n) = along.A;
+    out.B.middleRows(n * k, n) = along.B;
+    out.C.middleRows(p * k, p) = along.C;
+    out.D.middleRows(p * k, p) = along.D;
   }
   return out;
 }
@@ -108,23 +113,27 @@ VectorXd errors_from(const InnovationForm& model, const MatrixXd& y, const Matri
 }
 
 // -dr along every direction, the first state held.
-MatrixXd slopes_from(const InnovationForm& model, const std::vector<Step>& along, const MatrixXd& y,
+MatrixXd slopes_from(const InnovationForm& model, const Steps& along, const MatrixXd& y,
                      const MatrixXd& u, VectorXd x) {
-  const Index p = model.outputs(), d = static_cast<Index>(along.size());
-  MatrixXd out(p * u.cols(), d), moved = MatrixXd::Zero(model.states(), d), next = moved;
+  const Index n = model.states(), p = model.outputs(), d = along.count;
+  MatrixXd out(p * u.cols(), d), moved = MatrixXd::Zero(n, d), next = moved;
+  VectorXd driven(n * d), seen(p * d), next_x(n);
   for (Index t = 0; t < u.cols(); ++t) {
+    seen.noalias() = along.C * x;
+    seen.noalias() += along.D * u.col(t);
+    driven.noalias() = along.A * x;
+    driven.noalias() += along.B * u.col(t);
     auto rows = out.middleRows(t * p, p);
     rows.noalias() = model.C * moved;
+    rows += seen.reshaped(p, d);
     next.noalias() = model.A * moved;
-    for (Index k = 0; k < d; ++k) {
-      const Step& step = along[static_cast<std::size_t>(k)];
-      rows.col(k).noalias() += step.C * x + step.D * u.col(t);
-      next.col(k).noalias() += step.A * x + step.B * u.col(t);
-    }
+    next += driven.reshaped(n, d);
     for (Index i = 0; i < p; ++i) {
       if (!std::isfinite(y(i, t))) rows.row(i).setZero();
     }
-    x = model.A * x + model.B * u.col(t);
+    next_x.noalias() = model.A * x;
+    next_x.noalias() += model.B * u.col(t);
+    x.swap(next_x);
     moved.swap(next);
   }
   return out;
@@ -200,7 +209,7 @@ bool SimulationErrorProblem::evaluate(const InnovationForm& model, const MatrixX
                                       VectorXd& r, MatrixXd* J) const {
   r.resize(residuals_);
   if (J != nullptr) J->resize(residuals_, directions.cols());
-  const std::vector<Step> along = J != nullptr ? steps(model, directions) : std::vector<Step>();
+  const Steps along = J != nullptr ? steps(model, directions) : Steps{};
   Index at = 0;
   for (std::size_t k = 0; k < y_.size(); ++k) {
     const Index size = y_[k].size();

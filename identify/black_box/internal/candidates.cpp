@@ -106,9 +106,42 @@ SubspaceStart subspace_start(const ScaledRecordings& recordings, Index lags,
 
 namespace {
 
-// Is nothing left in the predictor of what was before so many rows?
+// Rows after which a millionth is left in the predictor of what was before them.
+double memory_of(const InnovationForm& model) {
+  const double radius = spectral_radius(model.A - model.K * model.C);
+  if (!(radius < 1.0)) return std::numeric_limits<double>::infinity();
+  return radius > 0.0 ? std::log(1e-6) / std::log(radius) : 0.0;
+}
 bool forgets(const InnovationForm& model, Index lags) {
-  return std::pow(spectral_radius(model.A - model.K * model.C), static_cast<double>(lags)) < 1e-6;
+  return memory_of(model) < static_cast<double>(lags);
+}
+
+// The predictor as a simulation driven by inputs and outputs, outputs in the unit of W y.
+InnovationForm predictor_in(const InnovationForm& model, const MatrixXd& W) {
+  InnovationForm out = model;
+  out.A = model.A - model.K * model.C;
+  out.B.resize(model.states(), model.inputs() + model.outputs());
+  out.B << model.B - model.K * model.D, model.K;
+  out.C = W * model.C;
+  out.D = MatrixXd::Zero(model.outputs(), out.B.cols());
+  out.D.leftCols(model.inputs()) = W * model.D;
+  return out;
+}
+MatrixXd driving(const MatrixXd& y, const MatrixXd& u) {
+  MatrixXd out(u.rows() + y.rows(), y.cols());
+  out << u, y;
+  return out;
+}
+
+// The state in the first row from which predictions are best, where they remember it; else, and where outputs are missing
+// that drive them, zero.
+VectorXd first_state(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
+                     Index lags) {
+  constexpr double kMostRows = 5000.0;
+  if (forgets(model, lags) || !y.allFinite()) return VectorXd::Zero(model.states());
+  const MatrixXd as_is = MatrixXd::Identity(model.outputs(), model.outputs());
+  const auto rows = static_cast<Index>(std::min(memory_of(model), kMostRows));
+  return initial_state(predictor_in(model, as_is), y, driving(y, u), rows);
 }
 
 }  // namespace
@@ -124,8 +157,8 @@ MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& 
   for (std::size_t k = 0; k < enough.y.size(); ++k) {
     const MatrixXd& y = enough.y[k];
     if (y.cols() <= sums.lags) continue;
-    const MatrixXd e =
-        y - one_step_predictions(model, y, enough.u[k], VectorXd::Zero(model.states()));
+    const MatrixXd e = y - one_step_predictions(model, y, enough.u[k],
+                                                first_state(model, y, enough.u[k], sums.lags));
     for (Index t = sums.lags; t < e.cols(); ++t) {
       if (!y.col(t).allFinite()) continue;
       sum.noalias() += e.col(t) * e.col(t).transpose();
@@ -139,8 +172,8 @@ LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& 
                            Index lags) {
   std::vector<MatrixXd> states;
   for (std::size_t k = 0; k < recordings.y.size(); ++k) {
-    states.push_back(
-        predictor_states(model, recordings.y[k], recordings.u[k], VectorXd::Zero(model.states())));
+    states.push_back(predictor_states(model, recordings.y[k], recordings.u[k],
+                                      first_state(model, recordings.y[k], recordings.u[k], lags)));
   }
   return lagged_products(recordings.y, recordings.u, lags, states);
 }
@@ -178,6 +211,98 @@ InnovationForm one_search(const InnovationForm& from, const MatrixXd& directions
 
 }  // namespace
 
+namespace {
+
+// Of an evaluation: a twentieth of a second. More would cost more than it tells.
+constexpr double kWork = 5e7;
+
+// Rows of that work.
+ScaledRecordings affordable(const ScaledRecordings& recordings, double work_of_a_row) {
+  return first_rows(recordings, std::max<Index>(static_cast<Index>(kWork / work_of_a_row), 2000));
+}
+
+// The least squares of a simulation along these directions, no pole beyond the largest.
+// @param tolerance  a smaller part of the squares is nothing to go on for
+InnovationForm simulating_closest(const InnovationForm& start, const MatrixXd& directions,
+                                  const SimulationErrorProblem& errors, double largest_pole,
+                                  int iterations, double tolerance) {
+  const VectorXd theta = simulation_parameters(start);
+  LeastSquares problem;
+  MatrixXd J;
+  problem.evaluate = [&](const VectorXd& along, VectorXd& r, LeastSquares::RowMatrix* of) {
+    const InnovationForm here = with_simulation_parameters(start, theta + directions * along);
+    if (!(spectral_radius(here.A) <= largest_pole)) return false;
+    if (!errors.evaluate(here, directions, r, of != nullptr ? &J : nullptr)) return false;
+    if (of != nullptr) *of = J;
+    return true;
+  };
+  problem.residuals = errors.residuals();
+  problem.lower.setConstant(directions.cols(), -std::numeric_limits<double>::infinity());
+  problem.upper = -problem.lower;
+  SolverOptions options;
+  options.max_iterations = iterations;
+  options.function_tolerance = tolerance;
+  options.normal_equations = true;
+  const VectorXd found = solve(problem, VectorXd::Zero(directions.cols()), options).x;
+  return with_simulation_parameters(start, theta + directions * found);
+}
+
+// Back from predictor_in(), W = L^-1.
+InnovationForm model_of(const InnovationForm& predictor, const MatrixXd& L, InnovationForm out) {
+  const Index m = out.inputs(), p = out.outputs();
+  out.C = L * predictor.C;
+  out.D = L * predictor.D.leftCols(m);
+  out.K = predictor.B.rightCols(p);
+  out.A = predictor.A + out.K * out.C;
+  out.B = predictor.B.leftCols(m) + out.K * out.D;
+  return out;
+}
+
+// The least squares of the predictions row by row, weighed by the inverse of their covariance V here, each recording from
+// the first state that is best for it: of a predictor that does not forget within any number of rows.
+// @return the start where outputs are missing, which the predictor is driven by, and where the rows are too many
+InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordings& recordings,
+                                const MatrixXd& V) {
+  const Eigen::LLT<MatrixXd> factor(V);
+  const MatrixXd L = factor.matrixL();
+  const MatrixXd W = L.inverse();
+  const InnovationForm start = predictor_in(from, W);
+  const MatrixXd all = simulation_coordinates(start);
+  const MatrixXd directions = all.leftCols(all.cols() - V.size());  // the last: of outputs, zero
+  const auto n = static_cast<double>(from.states()), d = static_cast<double>(directions.cols());
+  constexpr double kShare = 0.2;  // several evaluations are worth it, on few rows
+  if (d * (2.0 * n * n + d) * static_cast<double>(recordings.rows()) > kShare * kWork) return from;
+  std::vector<MatrixXd> y, driven_by;
+  for (std::size_t k = 0; k < recordings.y.size(); ++k) {
+    if (!recordings.y[k].allFinite()) return from;
+    y.push_back(W * recordings.y[k]);
+    driven_by.push_back(driving(recordings.y[k], recordings.u[k]));
+  }
+  const InnovationForm found = simulating_closest(start, directions, {y, driven_by}, 1.0, 10, 1e-5);
+  return model_of(found, L, from);
+}
+
+// Until no search by rows is likelier any more.
+InnovationForm refined_by_rows(InnovationForm best, double least,
+                               const ScaledRecordings& recordings, const LaggedProducts& sums) {
+  constexpr int kSearches = 3;
+  constexpr double kNothing = 0.5;  // of log-likelihood
+  for (int k = 0; k < kSearches; ++k) {
+    const MatrixXd V = prediction_errors(best, recordings, sums);
+    if (!std::isfinite(half_log_determinant(V))) break;
+    InnovationForm model = searched_by_rows(best, recordings, V);
+    const double now = half_log_determinant(prediction_errors(model, recordings, sums));
+    if (!(now < least)) break;
+    const double gain = (least - now) * static_cast<double>(sums.windows);
+    best = std::move(model);
+    least = now;
+    if (gain < kNothing) break;
+  }
+  return best;
+}
+
+}  // namespace
+
 InnovationForm refined(const InnovationForm& start, const ScaledRecordings& recordings,
                        const LaggedProducts& sums) {
   InnovationForm best = start;
@@ -197,16 +322,10 @@ InnovationForm refined(const InnovationForm& start, const ScaledRecordings& reco
     constexpr double kNothing = 0.05;  // of log-likelihood
     if (gain < kNothing) break;
   }
-  return best;
+  return forgets(best, sums.lags) ? best : refined_by_rows(best, least, recordings, sums);
 }
 
 namespace {
-
-// Rows of the work of a twentieth of a second for every step: more would cost more than they tell.
-ScaledRecordings affordable(const ScaledRecordings& recordings, double work_of_a_row) {
-  constexpr double kWork = 5e7;
-  return first_rows(recordings, std::max<Index>(static_cast<Index>(kWork / work_of_a_row), 2000));
-}
 
 // The gain of the likeliest predictions, all else held.
 InnovationForm with_likeliest_gain(const InnovationForm& from, const ScaledRecordings& recordings,
@@ -223,26 +342,7 @@ InnovationForm by_simulation(const InnovationForm& from, const ScaledRecordings&
   const MatrixXd directions = simulation_coordinates(from);
   const auto n = static_cast<double>(from.states()), d = static_cast<double>(directions.cols());
   const ScaledRecordings enough = affordable(recordings, d * (2.0 * n * n + d));
-  const SimulationErrorProblem errors(enough.y, enough.u);
-  const VectorXd theta = simulation_parameters(from);
-  LeastSquares problem;
-  MatrixXd J;
-  problem.evaluate = [&](const VectorXd& along, VectorXd& r, LeastSquares::RowMatrix* of) {
-    const InnovationForm here = with_simulation_parameters(from, theta + directions * along);
-    if (spectral_radius(here.A) > kLargestPole) return false;
-    if (!errors.evaluate(here, directions, r, of != nullptr ? &J : nullptr)) return false;
-    if (of != nullptr) *of = J;
-    return true;
-  };
-  problem.residuals = errors.residuals();
-  problem.lower.setConstant(directions.cols(), -std::numeric_limits<double>::infinity());
-  problem.upper = -problem.lower;
-  SolverOptions options;
-  options.max_iterations = 10;
-  options.function_tolerance = 1e-3;
-  options.normal_equations = true;
-  const VectorXd found = solve(problem, VectorXd::Zero(directions.cols()), options).x;
-  return with_simulation_parameters(from, theta + directions * found);
+  return simulating_closest(from, directions, {enough.y, enough.u}, kLargestPole, 10, 1e-3);
 }
 
 }  // namespace
@@ -287,16 +387,32 @@ void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recor
       -2.0 * candidate.log_likelihood + static_cast<double>(parameters) * std::log(rows);
 }
 
-void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out) {
+namespace {
+
+struct Fits {
+  double simulation = 0.0, prediction = 0.0;
+};
+
+Fits fits_of(const InnovationForm& model, const ScaledRecordings& to) {
   std::vector<MatrixXd> simulated, predicted;
-  const InnovationForm& model = candidate.of_first = candidate.model;
-  for (std::size_t k = 0; k < held_out.y.size(); ++k) {
-    const VectorXd x0 = initial_state(model, held_out.y[k], held_out.u[k], kRowsForState);
-    simulated.push_back(simulated_outputs(model, held_out.u[k], x0));
-    predicted.push_back(one_step_predictions(model, held_out.y[k], held_out.u[k], x0));
+  for (std::size_t k = 0; k < to.y.size(); ++k) {
+    const VectorXd x0 = initial_state(model, to.y[k], to.u[k], kRowsForState);
+    simulated.push_back(simulated_outputs(model, to.u[k], x0));
+    predicted.push_back(one_step_predictions(model, to.y[k], to.u[k], x0));
   }
-  candidate.prediction = mean_fit(held_out.y, predicted);
-  candidate.simulation = model.inputs() > 0 ? mean_fit(held_out.y, simulated) : kNan;
+  return {model.inputs() > 0 ? mean_fit(to.y, simulated) : kNan, mean_fit(to.y, predicted)};
+}
+
+}  // namespace
+
+void judge_on_held_out(BlackBoxCandidate& candidate, const SplitRecordings& parts) {
+  constexpr double kWorse = 0.1;  // of the fit
+  const InnovationForm& model = candidate.of_first = candidate.model;
+  const Fits held_out = fits_of(model, parts.rest);
+  candidate.prediction = held_out.prediction;
+  candidate.simulation = held_out.simulation;
+  const double usual = held_out.simulation - kWorse;
+  candidate.lucky = held_out.prediction <= usual && fits_of(model, parts.first).simulation < usual;
 }
 
 namespace {

@@ -54,6 +54,9 @@ struct BlackBoxCandidate {
   double bic = std::numeric_limits<double>::quiet_NaN();
   double simulation = 0.0;  ///< fit of held-out rows, share of 1; NaN without inputs
   double prediction = 0.0;  ///< the same, one step ahead
+  /// Held-out rows are simulated noticeably better than they are predicted, and than the rows that the
+  /// model was fitted to are simulated.
+  bool lucky = false;
   double control =
       std::numeric_limits<double>::quiet_NaN();  ///< the same, 1 to horizon steps ahead together
 };
@@ -65,8 +68,9 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
 /// Fills sigma, log-likelihood and BIC by the predictions of the rows that it was fitted to.
 void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recordings,
                      const LaggedProducts& sums);
-/// Fills the fits of rows that were not seen by the model of the first rows, mean over outputs; takes it as that.
-void judge_on_held_out(BlackBoxCandidate& candidate, const ScaledRecordings& held_out);
+/// Fills the fits of rows that were not seen by the model of the first rows, mean over outputs, and whether they are luck;
+/// takes it as that.
+void judge_on_held_out(BlackBoxCandidate& candidate, const SplitRecordings& parts);
 /// Fills `control`: of the outputs 1 to `horizon` rows ahead together, inputs known, from at most 2000 places.
 void judge_for_control(BlackBoxCandidate& candidate, const ScaledRecordings& held_out,
                        Eigen::Index horizon);

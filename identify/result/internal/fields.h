@@ -588,6 +588,7 @@ void describe(Fields& fields, ReferenceFit& fit) {
   fields("name", fit.name, "of the reference in the model file");
   fields("unit", fit.unit, "of rmse, bias and sd");
   fields("rows", fit.rows, "rows where both are known and the filter has settled");
+  fields("independent", fit.independent, "as many independent errors tell as much of the NEES");
   fields("rmse", fit.rmse, "root of the mean squared error");
   fields("bias", fit.bias, "mean error: estimate - reference");
   fields("sd", fit.sd, "root of the mean variance, of the filter and the reference together");

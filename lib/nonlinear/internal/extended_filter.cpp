@@ -459,7 +459,11 @@ class ExtendedFilter {
     } else if (!model_.linear_in_state) {
       follow_equations(t, false);
     } else if (const Repeated* made = made_before(t)) {
-      follow_equations(t, true);
+      if (model_.affine && inputs_.straight && made->steps > 1) {
+        move_state(t);
+      } else {
+        follow_equations(t, true);
+      }
       for (std::size_t b = 0; b < places_.blocks; ++b) {
         const std::size_t count = block_size(all_ - n_);
         std::copy_n(made->motion.data() + b * count, count,
@@ -520,6 +524,16 @@ class ExtendedFilter {
       made.motion.insert(made.motion.end(), from, from + block_size(all_ - n_));
     }
     repeated_.push_back(std::move(made));
+  }
+
+  // By step(), which has a product for all steps of rates that are linear.
+  void move_state(Index t) {
+    VectorXd x = state();
+    const Stack dx = derivatives(run_.x, n_);
+    step(model_, memory_, inputs_, t, x, moved_);
+    Stack next_dx = Stack::Zero(dx.rows(), dx.cols());
+    chain_.add(moved_.wrt_x, moved_.wrt_p, dx, next_dx);
+    put(run_.begin, 0, x, next_dx);
   }
 
   // What step() alone knows: doses, steps that are controlled, and rest.

@@ -79,6 +79,22 @@ TEST(ExitCode, FollowsTheContract) {
   EXPECT_EQ(exit_code(e, true), 1);
 }
 
+// What is determined beside a parameter that is not is ok, unless the data do not fit the model.
+TEST(Conclude, DoubtsWhatIsDeterminedOnlyWhereTheModelIsWrong) {
+  const auto verdict_with = [](FindingCode other) {
+    Estimate e = with_parameters({1.0, 2.0});
+    for (EstimatedParameter& p : e.parameters) p.verdict = Verdict::ok;
+    e.parameters[1].verdict = Verdict::not_identifiable;
+    e.findings.push_back({FindingCode::not_identifiable, Severity::serious, {}, "one", ""});
+    e.findings.push_back({other, Severity::serious, {}, "another", ""});
+    conclude(e, "converged");
+    EXPECT_EQ(e.status, Status::rejected);
+    return e.parameters[0].verdict;
+  };
+  EXPECT_EQ(verdict_with(FindingCode::not_identifiable), Verdict::ok);
+  EXPECT_EQ(verdict_with(FindingCode::coloured_innovations), Verdict::untrusted);
+}
+
 TEST(Report, LinesStayOnThePage) {
   Estimate e = with_parameters({1234567.0, -0.00012345});
   e.findings.push_back(

@@ -2,6 +2,7 @@
 #include "identify/model/curves.h"
 
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -125,6 +126,19 @@ TEST(Curves, HaveTheUnitsOfTheModelAndWhatTheFileSaysOfThem) {
   EXPECT_EQ(named("f_1").unit, "N");
   EXPECT_NEAR(named("f_distance").scalar(), 0.1, 1e-15);
   EXPECT_TRUE(named("f_distance").fixed);
+}
+
+// What carries a unit keeps it; 'unit' is that of plain numbers.
+TEST(Curves, TakeValuesWithTheirUnits) {
+  const Model model = parse_model_file(
+      kModel + "let: {f: {spline: u, knots: [0 V, 1 V, 2 V], unit: N, values: [2 kN, 1 N, 5]}}\n",
+      "m.yaml");
+  std::map<std::string, Parameter> named;
+  for (const Parameter& each : model.parameters) named[each.name] = each;
+  EXPECT_EQ(named["f_1"].scalar(), 2000.0);
+  EXPECT_EQ(named["f_1"].unit, "kN");
+  EXPECT_EQ(named["f_3"].scalar(), 5.0);
+  EXPECT_EQ(named["f_3"].unit, "N");
 }
 
 std::string curve_refusal(const std::string& curve) {

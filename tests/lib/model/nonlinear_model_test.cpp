@@ -239,6 +239,42 @@ TEST(NonlinearModel, StepsThatRepeatAreThoseMadeAnew) {
   }
 }
 
+// A memory that is new follows the steps one by one; one that has met the interval does not.
+TEST(NonlinearModel, StepsThatAreLinearInStateAndInputsAreThoseMadeOneByOne) {
+  EXPECT_TRUE(model_of(decay(" + u/tau - 0.3")).affine);
+  EXPECT_FALSE(model_of(decay(" + u*u")).affine);
+  EXPECT_FALSE(model_of(decay(" + u*x")).affine);
+  EXPECT_FALSE(model_of(decay(" + u*t")).affine);
+  EXPECT_FALSE(model_of(decay(" + sin(t)")).affine);
+  EXPECT_FALSE(model_of(pendulum()).affine);
+  const NonlinearModel model = model_of(decay(" + c*u/tau - 300/c"));
+  const VectorXd p = (VectorXd(2) << 0.7, 1.3).finished();
+  const VectorXd time = (VectorXd(7) << 0.0, 0.1, 0.3, 0.4, 0.5, 0.7, 0.9).finished();
+  const MatrixXd u = (MatrixXd(1, 7) << 1.0, -2.0, 3.0, 0.5, 4.0, 0.0, 7.0).finished();
+  for (const InputPath path : {InputPath::constant, InputPath::linear, InputPath::pchip}) {
+    const InputNodes inputs = input_nodes(time, u, path, 0.05);
+    ModelMemory kept = make_memory(model);
+    set_parameters(model, kept, p);
+    VectorXd x = (VectorXd(2) << 293.0, -1.0).finished(), alone = x;
+    for (Index k = 0; k + 1 < time.size(); ++k) {
+      ModelMemory fresh = make_memory(model);
+      set_parameters(model, fresh, p);
+      Jacobian J, J_anew;
+      VectorXd x_anew = x;
+      step(model, fresh, inputs, k, x_anew, J_anew);
+      step(model, kept, inputs, k, alone);
+      step(model, kept, inputs, k, x, J);
+      expect_close(x, x_anew, 1e-12);
+      expect_close(alone, x_anew, 1e-12);
+      expect_close(J.wrt_x, J_anew.wrt_x, 1e-12);
+      expect_close(J.wrt_p, J_anew.wrt_p, 1e-12);
+    }
+    EXPECT_EQ(kept.affine.size(), path == InputPath::pchip ? 0u : 2u);
+    set_parameters(model, kept, 2.0 * p);
+    EXPECT_TRUE(kept.affine.empty());
+  }
+}
+
 TEST(NonlinearModel, DiscreteTimeTakesTheFormulaAtItsWord) {
   // The scalar growth model of the particle filter literature.
   const NonlinearModel model = model_of(
