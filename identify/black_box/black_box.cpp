@@ -632,10 +632,11 @@ void take_level(ModelSearch& search, BlackBoxCandidate& chosen) {
   const Eigen::PartialPivLU<MatrixXd> factor(kept);
   if (!kept.allFinite() || !(factor.rcond() > kFollows)) return;
   VectorXd sum = VectorXd::Zero(p), count = sum;
+  const Index lags = search.of_all.sums.lags;
   for (std::size_t k = 0; k < search.all.y.size(); ++k) {
-    const MatrixXd& y = search.all.y[k];
-    const MatrixXd e = y - one_step_predictions(model, y, search.all.u[k], VectorXd::Zero(n));
-    for (Index t = search.of_all.sums.lags; t < e.cols(); ++t) {
+    const MatrixXd &y = search.all.y[k], &u = search.all.u[k];
+    const MatrixXd e = y - one_step_predictions(model, y, u, first_state(model, y, u, lags));
+    for (Index t = lags; t < e.cols(); ++t) {
       if (!e.col(t).allFinite()) continue;
       sum += e.col(t);
       count.array() += 1.0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 
@@ -133,8 +134,8 @@ MatrixXd driving(const MatrixXd& y, const MatrixXd& u) {
   return out;
 }
 
-// The state in the first row from which predictions are best, where they remember it; else, and where outputs are missing
-// that drive them, zero.
+}  // namespace
+
 VectorXd first_state(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
                      Index lags) {
   constexpr double kMostRows = 5000.0;
@@ -143,8 +144,6 @@ VectorXd first_state(const InnovationForm& model, const MatrixXd& y, const Matri
   const auto rows = static_cast<Index>(std::min(memory_of(model), kMostRows));
   return initial_state(predictor_in(model, as_is), y, driving(y, u), rows);
 }
-
-}  // namespace
 
 MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& recordings,
                            const LaggedProducts& sums) {
@@ -221,17 +220,18 @@ ScaledRecordings affordable(const ScaledRecordings& recordings, double work_of_a
   return first_rows(recordings, std::max<Index>(static_cast<Index>(kWork / work_of_a_row), 2000));
 }
 
-// The least squares of a simulation along these directions, no pole beyond the largest.
+// The least squares of a simulation along these directions.
 // @param tolerance  a smaller part of the squares is nothing to go on for
 InnovationForm simulating_closest(const InnovationForm& start, const MatrixXd& directions,
-                                  const SimulationErrorProblem& errors, double largest_pole,
+                                  const SimulationErrorProblem& errors,
+                                  const std::function<bool(const InnovationForm&)>& is_allowed,
                                   int iterations, double tolerance) {
   const VectorXd theta = simulation_parameters(start);
   LeastSquares problem;
   MatrixXd J;
   problem.evaluate = [&](const VectorXd& along, VectorXd& r, LeastSquares::RowMatrix* of) {
     const InnovationForm here = with_simulation_parameters(start, theta + directions * along);
-    if (!(spectral_radius(here.A) <= largest_pole)) return false;
+    if (!is_allowed(here)) return false;
     if (!errors.evaluate(here, directions, r, of != nullptr ? &J : nullptr)) return false;
     if (of != nullptr) *of = J;
     return true;
@@ -262,7 +262,7 @@ InnovationForm model_of(const InnovationForm& predictor, const MatrixXd& L, Inno
 // the first state that is best for it: of a predictor that does not forget within any number of rows.
 // @return the start where outputs are missing, which the predictor is driven by, and where the rows are too many
 InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordings& recordings,
-                                const MatrixXd& V) {
+                                const MatrixXd& V, double largest_pole) {
   const Eigen::LLT<MatrixXd> factor(V);
   const MatrixXd L = factor.matrixL();
   const MatrixXd W = L.inverse();
@@ -278,25 +278,29 @@ InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordin
     y.push_back(W * recordings.y[k]);
     driven_by.push_back(driving(recordings.y[k], recordings.u[k]));
   }
-  const InnovationForm found = simulating_closest(start, directions, {y, driven_by}, 1.0, 10, 1e-5);
+  const auto is_allowed = [&](const InnovationForm& predictor) {
+    return spectral_radius(predictor.A) < 1.0 &&
+           spectral_radius(model_of(predictor, L, from).A) <= largest_pole;
+  };
+  if (!is_allowed(start)) return from;
+  const InnovationForm found =
+      simulating_closest(start, directions, {y, driven_by}, is_allowed, 10, 1e-5);
   return model_of(found, L, from);
 }
 
-// Until no search by rows is likelier any more.
-InnovationForm refined_by_rows(InnovationForm best, double least,
-                               const ScaledRecordings& recordings, const LaggedProducts& sums) {
+// Until no search by rows is likelier by more than the first states that are free in it explain.
+InnovationForm refined_by_rows(InnovationForm best, const ScaledRecordings& recordings,
+                               const LaggedProducts& sums, double largest_pole) {
   constexpr int kSearches = 3;
-  constexpr double kNothing = 0.5;  // of log-likelihood
-  for (int k = 0; k < kSearches; ++k) {
-    const MatrixXd V = prediction_errors(best, recordings, sums);
-    if (!std::isfinite(half_log_determinant(V))) break;
-    InnovationForm model = searched_by_rows(best, recordings, V);
-    const double now = half_log_determinant(prediction_errors(model, recordings, sums));
-    if (!(now < least)) break;
-    const double gain = (least - now) * static_cast<double>(sums.windows);
+  const double of_states = 0.5 * static_cast<double>(best.states());  // of log-likelihood
+  MatrixXd V = prediction_errors(best, recordings, sums);
+  for (int k = 0; k < kSearches && std::isfinite(half_log_determinant(V)); ++k) {
+    InnovationForm model = searched_by_rows(best, recordings, V, largest_pole);
+    const MatrixXd now = prediction_errors(model, recordings, sums);
+    const double gain = half_log_determinant(V) - half_log_determinant(now);
+    if (!(gain * static_cast<double>(sums.windows) > of_states)) break;
     best = std::move(model);
-    least = now;
-    if (gain < kNothing) break;
+    V = now;
   }
   return best;
 }
@@ -322,19 +326,23 @@ InnovationForm refined(const InnovationForm& start, const ScaledRecordings& reco
     constexpr double kNothing = 0.05;  // of log-likelihood
     if (gain < kNothing) break;
   }
-  return forgets(best, sums.lags) ? best : refined_by_rows(best, least, recordings, sums);
+  return best;
 }
 
 namespace {
+
+bool predicts_better(const InnovationForm& one, const InnovationForm& than,
+                     const ScaledRecordings& recordings, const LaggedProducts& sums) {
+  return half_log_determinant(prediction_errors(one, recordings, sums)) <
+         half_log_determinant(prediction_errors(than, recordings, sums));
+}
 
 // The gain of the likeliest predictions, all else held.
 InnovationForm with_likeliest_gain(const InnovationForm& from, const ScaledRecordings& recordings,
                                    const LaggedProducts& sums) {
   const InnovationForm found = one_search(from, gain_directions(from), sums, 0.01);
-  const double before = half_log_determinant(prediction_errors(from, recordings, sums));
-  const bool likelier = half_log_determinant(prediction_errors(found, recordings, sums)) < before;
   const bool stable = spectral_radius(found.A - found.K * found.C) < 1.0;
-  return likelier && stable ? found : from;
+  return stable && predicts_better(found, from, recordings, sums) ? found : from;
 }
 
 // All of it by the errors of its simulation, from here on, no pole beyond the largest.
@@ -342,7 +350,10 @@ InnovationForm by_simulation(const InnovationForm& from, const ScaledRecordings&
   const MatrixXd directions = simulation_coordinates(from);
   const auto n = static_cast<double>(from.states()), d = static_cast<double>(directions.cols());
   const ScaledRecordings enough = affordable(recordings, d * (2.0 * n * n + d));
-  return simulating_closest(from, directions, {enough.y, enough.u}, kLargestPole, 10, 1e-3);
+  const auto is_allowed = [](const InnovationForm& here) {
+    return spectral_radius(here.A) <= kLargestPole;
+  };
+  return simulating_closest(from, directions, {enough.y, enough.u}, is_allowed, 10, 1e-3);
 }
 
 }  // namespace
@@ -370,7 +381,16 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
       model = with_likeliest_gain(model, recordings, start.sums);
     }
   }
-  return with_stable_predictor(model);
+  model = with_stable_predictor(model);
+  if (how != Refinement::prediction_error && how != Refinement::any_poles) return model;
+  if (stable) {
+    // Poles that are put elsewhere may undo more than the search gains, or may be what it should begin from.
+    InnovationForm plain = fitted(start, recordings, order, Refinement::none, stable);
+    if (predicts_better(plain, model, recordings, start.sums)) model = std::move(plain);
+  }
+  if (forgets(model, start.sums.lags)) return model;
+  return refined_by_rows(std::move(model), recordings, start.sums,
+                         stable ? kLargestPole : std::numeric_limits<double>::infinity());
 }
 
 void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recordings,
@@ -393,12 +413,21 @@ struct Fits {
   double simulation = 0.0, prediction = 0.0;
 };
 
+// The state that the first rows tell of a predictor that remembers it through all of them.
+VectorXd remembered_state(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
+                          const VectorXd& otherwise) {
+  if (forgets(model, y.cols()) || !y.allFinite()) return otherwise;
+  const MatrixXd as_is = MatrixXd::Identity(model.outputs(), model.outputs());
+  return initial_state(predictor_in(model, as_is), y, driving(y, u), kRowsForState);
+}
+
 Fits fits_of(const InnovationForm& model, const ScaledRecordings& to) {
   std::vector<MatrixXd> simulated, predicted;
   for (std::size_t k = 0; k < to.y.size(); ++k) {
-    const VectorXd x0 = initial_state(model, to.y[k], to.u[k], kRowsForState);
-    simulated.push_back(simulated_outputs(model, to.u[k], x0));
-    predicted.push_back(one_step_predictions(model, to.y[k], to.u[k], x0));
+    const MatrixXd &y = to.y[k], &u = to.u[k];
+    const VectorXd x0 = initial_state(model, y, u, kRowsForState);
+    simulated.push_back(simulated_outputs(model, u, x0));
+    predicted.push_back(one_step_predictions(model, y, u, remembered_state(model, y, u, x0)));
   }
   return {model.inputs() > 0 ? mean_fit(to.y, simulated) : kNan, mean_fit(to.y, predicted)};
 }
