@@ -12,8 +12,10 @@ namespace identikal {
 namespace {
 
 bool has_effect(const Finding& finding, Basis basis) {
+  // That errors against a reference contradict the filter, no test of its innovations says.
+  const bool of_tests = concludes(finding.code) || finding.code == FindingCode::reference_band;
   return finding.severity == Severity::serious && kind_of(finding.code).effect != Status::ok &&
-         (basis == Basis::fit || concludes(finding.code));
+         (basis == Basis::fit || of_tests);
 }
 
 /// Those that decide: of the first rank that has an effect.

@@ -32,7 +32,7 @@ constexpr std::array<FindingKind, 111> kKinds = {{
     {FindingCode::outside_fitted_range, "outside_fitted_range", Severity::serious,
      Severity::serious, Status::untrusted, Rank::answer, InMessage::text,
      "A drive beyond what the result was fitted to contradicts it"},
-    {FindingCode::reference_band, "reference_band", Severity::serious, Severity::serious,
+    {FindingCode::reference_band, "reference_band", Severity::warning, Severity::serious,
      Status::untrusted, Rank::other, InMessage::misfit,
      "Errors against a reference are not of the size that the filter says, by more than a factor "
      "of two in their mean square"},

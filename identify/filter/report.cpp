@@ -588,12 +588,14 @@ Finding errors_out_of_band(const ReferenceFit& fit) {
         "that lasts a state of its own",
         fit.nees);
   }
-  return make_finding(
+  Finding out = make_finding(
       FindingCode::reference_band, {fit.name},
       fmt::format("the errors of {} are {:.2g} times what the filter says they are (NEES {:.3g}, "
                   "{:.0f} % in the 95 % band)",
                   fit.name, std::sqrt(fit.nees), fit.nees, 100.0 * fit.coverage),
       remedy);
+  out.severity = Severity::serious;
+  return out;
 }
 
 void report_references(FilterEstimate& estimate, const Model& model, const ParameterSet& parameters,

@@ -91,6 +91,11 @@ StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& 
   estimate.objective.method = "filter";
   list_known_parameters(estimate, model.parameters);
   estimate.innovations = report_filter(estimate, model, model.parameters, recordings);
+  const auto of_references = [](const Finding& f) { return f.code == FindingCode::reference_band; };
+  for (Finding& each : estimate.findings) {
+    if (of_references(each))
+      each.severity = Severity::warning;  // what runs a filter does not judge it
+  }
   if (model.student) estimate.notes.push_back(student_note(model));
   Index rows = 0;
   for (const Dataset& data : recordings) {
@@ -108,6 +113,7 @@ StateEstimate filter_recordings(const Model& given, const std::vector<Dataset>& 
   if (options.skip_first > 0) leave_out_first(estimate, options.skip_first);
   if (options.lag != Index{0} && !estimate.references.empty()) {
     estimate.references.clear();  // of filtered states, which are not what is written
+    std::erase_if(estimate.findings, of_references);
     estimate.notes.emplace_back("references are compared with filtered states alone");
   }
   const std::vector<NamedState> states = named_states(model);

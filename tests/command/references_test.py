@@ -51,6 +51,29 @@ class References(unittest.TestCase):
         codes = [w["code"] for w in json.loads((likeliest / "result.json").read_text())["warnings"]]
         self.assertIn("reference_disagrees", codes)
 
+    def test_a_reference_that_contradicts_decides_the_status(self):
+        """The truth itself agrees with a filter of the right noise; ten times of it, another column, does not."""
+        chance = random.Random(5)
+        lines, p, v = ["t,z,truth,tenfold"], 0.0, 0.0
+        for k in range(800):
+            lines.append(f"{0.1 * k:.1f},{p + chance.gauss(0, 0.5)},{p},{10 * p}")
+            p += 0.1 * v
+            v += 0.1 * chance.gauss(0, 1)
+        data = self.folder.write("right.csv", "\n".join(lines) + "\n")
+        right = result("tune", self.model, data, "--starts", 1, code=0)
+        (fit,) = right["references"]
+        self.assertTrue(0.5 < fit["nees"] < 2, fit)
+        self.assertTrue(10 < fit["independent"] < fit["rows"], fit)
+        wrong = self.folder.write("wrong.yaml", MODEL + REFERENCE.replace("truth", "tenfold"))
+        found = result("tune", wrong, data, "--starts", 1, "-o", self.folder.path / "wrong", code=1)
+        self.assertEqual("untrusted", found["status"]["code"])
+        texts = [w["text"] + w["remedy"] for w in found["warnings"] if w["code"] == "reference_band"]
+        self.assertEqual(1, len(texts))
+        self.assertIn("the reference's column, unit, axes and clock", texts[0])
+        self.assertFalse([d for d in found["derived"] if d["name"].startswith("covariance factor")])
+        again = result("validate", self.folder.path / "wrong", data, code=1)
+        self.assertEqual("untrusted", again["status"]["code"])
+
     def test_the_reference_changes_nothing_that_is_estimated(self):
         plain = self.folder.write("plain.yaml", MODEL)
         for key in ("parameters", "tests", "objective"):

@@ -496,5 +496,61 @@ TEST(BlackBox, OutputsThatWanderOffHaveAModelThatDoes) {
               largest);
 }
 
+// Three modes of a flexible arm that ring through the whole recording, seen by an accelerometer with white noise of 2 %: the
+// likeliest predictor has next to no gain, and forgets as slowly as they do.
+Record arm(std::uint64_t seed) {
+  struct Mode {
+    double frequency, damping, gain;
+  };
+  Random random(seed);
+  constexpr Index kRows = 1024;
+  Record out{VectorXd::Zero(kRows), VectorXd(kRows)};
+  for (Index t = 0; t < kRows; ++t) {
+    const auto now = static_cast<double>(t);
+    out.u[t] = std::sin(2.0 * M_PI * (0.02 + 0.2 * now / kRows) * now) *
+               (1.0 + 0.3 * std::sin(0.01 * now));
+  }
+  for (const auto& [frequency, damping, gain] :
+       {Mode{0.35, 0.006, 0.5}, Mode{0.78, 0.004, 0.3}, Mode{1.9, 0.01, 0.1}}) {
+    const double radius = std::exp(-damping * frequency);
+    double before = 0.0, last = 0.0;
+    for (Index t = 2; t < kRows; ++t) {
+      const double bend = out.u[t] - 2.0 * out.u[t - 1] + out.u[t - 2];
+      const double now =
+          2.0 * radius * std::cos(frequency) * last - radius * radius * before + gain * bend;
+      out.y[t] += now;
+      before = last;
+      last = now;
+    }
+  }
+  out.y += 0.05 * out.u;
+  const double sd = std::sqrt(out.y.squaredNorm() / kRows);
+  for (double& y : out.y) y += 0.02 * sd * random.normal();
+  return out;
+}
+
+TEST(BlackBox, ModesThatRingOnAreFoundWithTheirPoles) {
+  constexpr int kSeeds = 5;
+  int ok = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const BlackBoxResult result = found(arm(seed));
+    const BlackBox& box = result.estimate.black_box;
+    const bool is_right = box.order == 6 && result.estimate.status == Status::ok;
+    ok += is_right ? 1 : 0;
+    EXPECT_GT(result.estimate.simulation.front().fit_percent, 97.5) << seed;
+    if (!is_right) continue;
+    for (const double frequency : {0.35, 0.78, 1.9}) {
+      double nearest = 1.0;
+      for (const BlackBox::Pole& pole : box.poles) {
+        const double away = std::abs(std::arg(std::complex<double>(pole.real, pole.imaginary)));
+        nearest = std::min(nearest, std::abs(away - frequency));
+      }
+      EXPECT_LT(nearest, 0.002) << seed;
+    }
+  }
+  EXPECT_GE(ok, 4);
+  std::printf("6 states and ok in %d of %d\n", ok, kSeeds);
+}
+
 }  // namespace
 }  // namespace identikal
