@@ -620,29 +620,10 @@ ModelSearch begun(const std::vector<Dataset>& recordings, const BlackBoxOptions&
   return {std::move(all), std::move(chosen.parts), std::move(chosen.start), std::move(of_all)};
 }
 
-// The level of the outputs for which the model's innovations have no mean: means of transients are others. Of c added to y
-// the innovations keep (I - C (I - A + K C)^-1 K) c.
+// The outputs' level by the model's innovations: means of transients are others.
 void take_level(ModelSearch& search, BlackBoxCandidate& chosen) {
-  constexpr double kFollows = 1e-2;  // an integrator follows any level
-  const InnovationForm& model = chosen.model;
-  const Index n = model.states(), p = model.outputs();
   if (search.all.point.y.isZero(0.0)) return;
-  const MatrixXd settle = MatrixXd::Identity(n, n) - model.A + model.K * model.C;
-  const MatrixXd kept = MatrixXd::Identity(p, p) - model.C * settle.partialPivLu().solve(model.K);
-  const Eigen::PartialPivLU<MatrixXd> factor(kept);
-  if (!kept.allFinite() || !(factor.rcond() > kFollows)) return;
-  VectorXd sum = VectorXd::Zero(p), count = sum;
-  const Index lags = search.of_all.sums.lags;
-  for (std::size_t k = 0; k < search.all.y.size(); ++k) {
-    const MatrixXd &y = search.all.y[k], &u = search.all.u[k];
-    const MatrixXd e = y - one_step_predictions(model, y, u, first_state(model, y, u, lags));
-    for (Index t = lags; t < e.cols(); ++t) {
-      if (!e.col(t).allFinite()) continue;
-      sum += e.col(t);
-      count.array() += 1.0;
-    }
-  }
-  const VectorXd level = factor.solve(sum.cwiseQuotient(count.cwiseMax(1.0)));
+  const VectorXd level = level_of(chosen.model, search.all, search.of_all.sums.lags);
   for (MatrixXd& each : search.all.y) each.colwise() -= level;
   search.all.point.y += level.cwiseProduct(search.all.point.y_sd);
   if (search.all.rows() <= kEnoughRows) judge_on_fitted(chosen, search.all, search.of_all.sums);

@@ -75,10 +75,10 @@ void judge_on_held_out(BlackBoxCandidate& candidate, const SplitRecordings& part
 void judge_for_control(BlackBoxCandidate& candidate, const ScaledRecordings& held_out,
                        Eigen::Index horizon);
 
-/// The state in the first row from which predictions are best, of a predictor that remembers it for more rows than `lags`;
-/// else zero, and where outputs are missing, which drive the predictor.
-Eigen::VectorXd first_state(const InnovationForm& model, const Eigen::MatrixXd& y,
-                            const Eigen::MatrixXd& u, Eigen::Index lags);
+/// What is to be taken off the outputs for innovations without a mean; zero where predictions follow any level, as those
+/// of an integrator do.
+Eigen::VectorXd level_of(const InnovationForm& model, const ScaledRecordings& recordings,
+                         Eigen::Index lags);
 
 /// Covariance of the one-step prediction errors, p x p, row by row behind as many first rows of each recording as the
 /// sums have lags; of the first 200 000 rows where there are more, or by the sums where the predictor forgets within
