@@ -136,15 +136,21 @@ MatrixXd driving(const MatrixXd& y, const MatrixXd& u) {
   return out;
 }
 
-// The state in the first row from which predictions are best, where they remember it; else, and where outputs are missing
-// that drive them, zero.
+// The state in the first row from which the first predictions are best.
+VectorXd state_before_predictions(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
+                                  Index rows) {
+  const MatrixXd as_is = MatrixXd::Identity(model.outputs(), model.outputs());
+  return initial_state(predictor_in(model, as_is), y, driving(y, u), rows);
+}
+
+// The same of all predictions that remember it; zero where none does behind the lags, and where outputs are missing, which
+// drive them.
 VectorXd first_state(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
                      Index lags) {
   constexpr double kMostRows = 5000.0;
   if (forgets(model, lags) || !y.allFinite()) return VectorXd::Zero(model.states());
-  const MatrixXd as_is = MatrixXd::Identity(model.outputs(), model.outputs());
   const auto rows = static_cast<Index>(std::min(memory_of(model), kMostRows));
-  return initial_state(predictor_in(model, as_is), y, driving(y, u), rows);
+  return state_before_predictions(model, y, u, rows);
 }
 
 constexpr double kFollows = 1e-2;  // of a level: predictions that leave no more of it follow any
@@ -487,8 +493,7 @@ struct Fits {
 VectorXd remembered_state(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
                           const VectorXd& otherwise) {
   if (forgets(model, y.cols()) || !y.allFinite()) return otherwise;
-  const MatrixXd as_is = MatrixXd::Identity(model.outputs(), model.outputs());
-  return initial_state(predictor_in(model, as_is), y, driving(y, u), kRowsForState);
+  return state_before_predictions(model, y, u, kRowsForState);
 }
 
 Fits fits_of(const InnovationForm& model, const ScaledRecordings& to) {
