@@ -12,7 +12,9 @@
 
 #include "identify/black_box/internal/candidates.h"
 #include "identify/black_box/internal/characteristics.h"
+#include "identify/black_box/internal/choice.h"
 #include "identify/black_box/internal/continuous_time.h"
+#include "identify/black_box/internal/model_search.h"
 #include "identify/black_box/internal/nonlinearity.h"
 #include "identify/black_box/internal/polynomial_fit.h"
 #include "identify/black_box/internal/responses.h"
@@ -34,10 +36,6 @@ using Eigen::VectorXd;
 // Every row of a delay is a state.
 constexpr Index kMostDelay = 100;
 
-// Fits closer than this are the same: the smaller order is taken.
-constexpr double kSameFit = 0.005;
-constexpr double kNoticeably = 0.02;  // of the fit
-
 const char* to_string(Refinement how, ModelStructure structure) {
   if (how == Refinement::simulation) return "simulation";
   if (how == Refinement::prediction_error) return "prediction_error";
@@ -56,259 +54,6 @@ const char* to_string(Refinement how, ModelStructure structure) {
       break;
   }
   return "states";
-}
-
-// What the search for a model works on: all rows, and their first ones, which candidates are fitted to.
-struct ModelSearch {
-  ScaledRecordings all;
-  SplitRecordings parts;
-  SubspaceStart of_first, of_all;
-  BlackBoxPurpose purpose = BlackBoxPurpose::automatic;
-  ModelStructure structure = ModelStructure::states;
-  std::vector<Index> delays = {};  // of the inputs, for polynomials
-  bool has_inputs = false;
-  Index horizon = 0;  // rows ahead that count, where control is the purpose
-  bool simulates() const {
-    return has_inputs && purpose != BlackBoxPurpose::prediction &&
-           purpose != BlackBoxPurpose::control;
-  }
-  bool is_stable(Refinement how) const { return simulates() && how != Refinement::any_poles; }
-};
-
-void fit_to_all_rows(const ModelSearch& search, BlackBoxCandidate& candidate) {
-  candidate.model = fitted(search.of_all, search.all, candidate.order, candidate.refinement,
-                           search.is_stable(candidate.refinement));
-  judge_on_fitted(candidate, search.all, search.of_all.sums);
-}
-
-// Fits of held-out rows by the first ones; where BIC is wanted the model of all rows too.
-BlackBoxCandidate candidate(const ModelSearch& search, int order, Refinement how, bool with_bic) {
-  BlackBoxCandidate out{
-      order, how, fitted(search.of_first, search.parts.first, order, how, search.is_stable(how))};
-  judge_on_held_out(out, search.parts);
-  if (with_bic) fit_to_all_rows(search, out);
-  return out;
-}
-
-std::vector<BlackBoxCandidate> candidates(const ModelSearch& search,
-                                          const BlackBoxOptions& options) {
-  const auto most = static_cast<int>(
-      std::min({static_cast<Index>(options.most_order), search.of_first.states.most_states(),
-                search.of_all.states.most_states()}));
-  if (options.least_order > most) {
-    throw InputError(
-        {}, fmt::format("an order of {}", options.least_order),
-        fmt::format("at most {}: what is more these recordings do not tell from rounding", most));
-  }
-  std::vector<BlackBoxCandidate> out;
-  for (int order = options.least_order; order <= most; ++order) {
-    if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
-    out.push_back(candidate(search, order, Refinement::none, true));
-    if (search.simulates()) out.push_back(candidate(search, order, Refinement::simulation, false));
-  }
-  return out;
-}
-
-void take_polynomials(const PolynomialModel& structure, const SubspaceStart& start,
-                      const ScaledRecordings& recordings, int order, BlackBoxCandidate& out) {
-  const auto states = std::min<Index>(order, start.states.most_states());
-  out.polynomials = fitted_polynomials(structure, start.states.model(states), recordings);
-  const auto p = static_cast<Index>(out.polynomials.size());
-  out.model = with_stable_predictor(
-      observable_part(innovation_form(out.polynomials, MatrixXd::Identity(p, p))));
-}
-
-BlackBoxCandidate polynomial_candidate(const ModelSearch& search, const BlackBoxOptions& options,
-                                       int order, int noise_order) {
-  const PolynomialModel structure =
-      polynomials_of(search.structure, order, noise_order, options.polynomials, search.delays);
-  BlackBoxCandidate out;
-  out.refinement = Refinement::polynomials;
-  take_polynomials(structure, search.of_first, search.parts.first, order, out);
-  judge_on_held_out(out, search.parts);
-  take_polynomials(structure, search.of_all, search.all, order, out);
-  judge_on_fitted(out, search.all, search.of_all.sums);
-  out.order = static_cast<int>(out.model.states());
-  return out;
-}
-
-std::vector<BlackBoxCandidate> polynomial_candidates(const ModelSearch& search,
-                                                     const BlackBoxOptions& options) {
-  std::vector<BlackBoxCandidate> out;
-  const int most = options.polynomials ? options.least_order : options.most_order;
-  double least = std::numeric_limits<double>::infinity();
-  int since_least = 0;
-  // Orders beyond four that are no better are not tried: they take the longest.
-  for (int order = options.least_order; order <= most && since_least < 4; ++order) {
-    if (options.progress) options.progress(fmt::format("order {} of {}", order, most));
-    const bool own_noise = search.structure == ModelStructure::box_jenkins && !options.polynomials;
-    ++since_least;
-    for (int noise_order = 1; noise_order <= (own_noise ? 2 : 1); ++noise_order) {
-      out.push_back(polynomial_candidate(search, options, order, noise_order));
-      if (!(out.back().bic < least)) continue;
-      least = out.back().bic;
-      since_least = 0;
-    }
-  }
-  return out;
-}
-
-// The smallest order whose simulation of held-out rows is as good as the best, and no luck (as of outputs that wander off
-// by themselves): who knows the outputs until now predicts the next no worse than who does not, unless his noise is wrong.
-std::size_t best_simulation(const std::vector<BlackBoxCandidate>& all) {
-  const bool some = std::any_of(all.begin(), all.end(), [](const auto& c) { return !c.lucky; });
-  const auto simulation = [&](const BlackBoxCandidate& each) {
-    return some && each.lucky ? -std::numeric_limits<double>::infinity() : each.simulation;
-  };
-  double best = -std::numeric_limits<double>::infinity();
-  for (const BlackBoxCandidate& each : all) best = std::max(best, simulation(each));
-  std::size_t chosen = 0;
-  for (std::size_t k = all.size(); k-- > 0;) {
-    if (simulation(all[k]) < best - kSameFit) continue;
-    const bool same_order =
-        all[k].order == all[chosen].order && simulation(all[chosen]) >= best - kSameFit;
-    if (!same_order || all[k].simulation > all[chosen].simulation) chosen = k;
-  }
-  return chosen;
-}
-
-std::size_t least_bic(const std::vector<BlackBoxCandidate>& all) {
-  std::size_t least = 0;
-  for (std::size_t k = 1; k < all.size(); ++k) {
-    // Also past one that has none: a predictor that overflows.
-    if (all[k].bic < all[least].bic || !std::isfinite(all[least].bic)) least = k;
-  }
-  return least;
-}
-
-// Rows until the slowest pole has come to 1/e.
-Index horizon_of(const InnovationForm& model) {
-  constexpr double kLeast = 2.0, kMost = 100.0;
-  const double radius = spectral_radius(model.A);
-  if (!(radius < 1.0)) return static_cast<Index>(kMost);
-  return static_cast<Index>(std::clamp(std::ceil(-1.0 / std::log(radius)), kLeast, kMost));
-}
-
-// The smallest order whose predictions up to the horizon are as good as the best, or its model by the prediction error method
-// where that does better.
-std::size_t best_for_control(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
-                             const BlackBoxOptions& options) {
-  search.horizon = options.horizon.value_or(horizon_of(all[least_bic(all)].model));
-  const auto judge = [&](BlackBoxCandidate& each) {
-    judge_for_control(each, search.parts.rest, search.horizon);
-  };
-  for (BlackBoxCandidate& each : all) judge(each);
-  if (std::isnan(all.front().control)) {
-    throw InputError({}, fmt::format("held-out rows are too few for {} rows ahead", search.horizon),
-                     "longer recordings", "a shorter --steps, or a larger --hold-out");
-  }
-  const auto is_worse = [](const BlackBoxCandidate& a, const BlackBoxCandidate& b) {
-    return a.control < b.control;
-  };
-  const double best = std::max_element(all.begin(), all.end(), is_worse)->control;
-  const auto good = std::find_if(all.begin(), all.end(), [&](const BlackBoxCandidate& each) {
-    return each.control > best - kSameFit;
-  });
-  const auto chosen = static_cast<std::size_t>(good - all.begin());
-  if (search.structure != ModelStructure::states) return chosen;
-  all.push_back(candidate(search, all[chosen].order, Refinement::prediction_error, false));
-  judge(all.back());
-  return all.back().control > all[chosen].control ? all.size() - 1 : chosen;
-}
-
-// The order of least BIC and its neighbours by the prediction error method.
-void refine_likeliest(const ModelSearch& search, std::vector<BlackBoxCandidate>& all, int around) {
-  const int order = all[least_bic(all)].order;
-  const int least = all.front().order, most = all.back().order;
-  for (int each = std::max(least, order - around); each <= std::min(most, order + around); ++each) {
-    all.push_back(candidate(search, each, Refinement::prediction_error, around > 0));
-  }
-}
-
-// Does the last candidate, a refined one, predict held-out rows worse than some that are not refined?
-bool overfits(const std::vector<BlackBoxCandidate>& all) {
-  constexpr double kWorse = 0.001;  // of the fit
-  double best = -std::numeric_limits<double>::infinity();
-  for (const BlackBoxCandidate& each : all) {
-    if (each.refinement == Refinement::none) best = std::max(best, each.prediction);
-  }
-  return all.back().prediction < best - kWorse;
-}
-
-// What simulates best, with all of it fitted to simulations where held-out rows say that this is noticeably better:
-// it follows one recording as closely as its order allows.
-std::size_t by_output_error(const ModelSearch& search, std::vector<BlackBoxCandidate>& all,
-                            std::size_t simulator) {
-  all.push_back(candidate(search, all[simulator].order, Refinement::output_error, false));
-  const bool better = all.back().simulation > all[simulator].simulation + kNoticeably;
-  return better ? all.size() - 1 : simulator;
-}
-
-// Where nothing is said what the model is for: the likeliest one, unless another simulates better.
-std::size_t choose_stable(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
-                          const BlackBoxOptions& options) {
-  if (search.purpose == BlackBoxPurpose::control) return best_for_control(search, all, options);
-  if (search.structure != ModelStructure::states) {
-    return search.simulates() && search.purpose == BlackBoxPurpose::simulation
-               ? best_simulation(all)
-               : least_bic(all);
-  }
-  if (!search.has_inputs || search.purpose == BlackBoxPurpose::prediction) {
-    refine_likeliest(search, all, 1);
-    return least_bic(all);
-  }
-  const std::size_t simulator = best_simulation(all);
-  // BIC that still falls at the highest order says that none of them is the true one.
-  const bool settled = all[least_bic(all)].order < all.back().order;
-  if (search.purpose == BlackBoxPurpose::automatic && settled) {
-    refine_likeliest(search, all, 0);
-    const bool simulates_as_well = all.back().simulation > all[simulator].simulation - kSameFit;
-    if (simulates_as_well && !overfits(all)) return all.size() - 1;
-    if (all.back().order == all[simulator].order) return by_output_error(search, all, simulator);
-  }
-  all.push_back(candidate(search, all[simulator].order, Refinement::prediction_error, false));
-  const bool better = all.back().simulation > all[simulator].simulation && !overfits(all);
-  return by_output_error(search, all, better ? all.size() - 1 : simulator);
-}
-
-// The same, and of what wanders off by itself a model that does too, where that simulates and predicts held-out rows better,
-// one of both noticeably.
-std::size_t choose(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
-                   const BlackBoxOptions& options) {
-  const std::size_t chosen = choose_stable(search, all, options);
-  const bool open = search.structure == ModelStructure::states && search.has_inputs &&
-                    search.purpose == BlackBoxPurpose::automatic;
-  if (!open) return chosen;
-  const BlackBoxCandidate& likeliest = all[least_bic(all)];
-  if (spectral_radius(likeliest.of_first.A) < kLargestPole * (1.0 - 1e-9)) return chosen;
-  const int order = likeliest.order;
-  all.push_back(candidate(search, order, Refinement::any_poles, false));
-  const double simulation = all.back().simulation - all[chosen].simulation,
-               prediction = all.back().prediction - all[chosen].prediction;
-  const bool better =
-      std::min(simulation, prediction) > 0.0 && std::max(simulation, prediction) > kNoticeably;
-  return better ? all.size() - 1 : chosen;
-}
-
-// The choice, fitted to all rows; a model whose predictions of them overflow is none.
-std::size_t choose_finite(ModelSearch& search, std::vector<BlackBoxCandidate>& all,
-                          const BlackBoxOptions& options) {
-  std::size_t chosen = choose(search, all, options);
-  for (;;) {
-    BlackBoxCandidate& best = all[chosen];
-    const bool of_states = best.polynomials.empty();
-    if (of_states && !std::isfinite(best.bic)) fit_to_all_rows(search, best);
-    if (best.model.A.allFinite() && best.model.K.allFinite() && best.model.sigma.allFinite()) {
-      return chosen;
-    }
-    all.erase(all.begin() + static_cast<std::ptrdiff_t>(chosen));
-    if (all.empty()) {
-      throw InputError({}, "no order has a model whose predictions stay finite",
-                       "recordings that a linear model of these orders can follow",
-                       "fewer states: a lower --order");
-    }
-    chosen = search.simulates() ? best_simulation(all) : least_bic(all);
-  }
 }
 
 Model with_channels(const Model& channels, const std::vector<Dataset>& recordings,
@@ -493,9 +238,35 @@ void simulate_all(const ModelSearch& search, const BlackBoxCandidate& chosen,
   }
 }
 
+// How far outside of the unit circle, and whether that is more than its error.
+std::string unstable_in_words(const std::vector<BlackBox::Pole>& poles, bool has_inputs) {
+  double radius = 0.0, se = 0.0;
+  for (const BlackBox::Pole& each : poles) {
+    const double here = std::hypot(each.real, each.imaginary);
+    if (!(here > radius)) continue;
+    radius = here;
+    const double of_imaginary = each.imaginary == 0.0 ? 0.0 : each.imaginary * each.imaginary_se;
+    se = std::hypot(each.real * each.real_se, of_imaginary) / here;
+  }
+  const char* what = has_inputs
+                         ? "the model is unstable: its predictions are not, its simulations are"
+                         : "the model is unstable: forecasts grow";
+  if (!(radius > 1.0) || !std::isfinite(se)) return what;
+  const char* certain =
+      radius - 1.0 < 2.0 * se ? ", which is none that these recordings are sure of" : "";
+  return fmt::format("{} (its largest pole lies {:.2g} +- {:.1g} outside of the unit circle{})",
+                     what, radius - 1.0, se, certain);
+}
+
 // What the candidates' fits say of the answer.
-Findings judged(const ModelSearch& search, const BlackBoxCandidate& chosen) {
+Findings judged(const ModelSearch& search, const BlackBoxCandidate& chosen,
+                const std::vector<BlackBox::Pole>& poles) {
   Findings out;
+  if (search.stopped) {
+    out.push_back(make_finding(FindingCode::stopped, {},
+                               "stopped by the caller before all orders were tried",
+                               "let it go on, or ask for fewer orders"));
+  }
   const bool controls = search.purpose == BlackBoxPurpose::control;
   const double fit = search.simulates() ? chosen.simulation
                      : controls         ? chosen.control
@@ -510,10 +281,9 @@ Findings judged(const ModelSearch& search, const BlackBoxCandidate& chosen) {
         "other inputs, longer recordings, or a model of what is known of the system"));
   }
   if (spectral_radius(chosen.model.A) > 1.0) {
-    const char* what = "the model is unstable: its predictions are not, its simulations are";
-    out.push_back(make_finding(
-        FindingCode::other, {}, search.has_inputs ? what : "the model is unstable: forecasts grow",
-        "of a closed loop, or of outputs that wander off by themselves, that may be right"));
+    out.push_back(make_finding(FindingCode::other, {}, unstable_in_words(poles, search.has_inputs),
+                               "of a closed loop, or of outputs that wander off by themselves, "
+                               "that may be right"));
   }
   return out;
 }
@@ -547,79 +317,6 @@ void check_options(const BlackBoxOptions& options) {
     throw std::invalid_argument("estimate_black_box: a delay from 0 to 100 rows");
 }
 
-std::vector<Index> delays_of(const ModelSearch& search, const BlackBoxOptions& options) {
-  const Index m = search.all.u.front().rows();
-  const bool needs_input = options.structure == ModelStructure::output_error ||
-                           options.structure == ModelStructure::box_jenkins;
-  if (needs_input && m == 0) {
-    throw InputError({}, "a model of how inputs drive outputs, without an input",
-                     "input columns, or ARX and ARMAX, which do without");
-  }
-  std::vector<Index> out(static_cast<std::size_t>(m), options.delay.value_or(0));
-  if (options.delay) return out;
-  const std::vector<BlackBox::Delay> found = input_delays(search.of_all.sums);
-  for (std::size_t j = 0; j < found.size(); ++j) {
-    const bool seen = found[j].rows < search.of_all.sums.lags;
-    out[j] = seen ? static_cast<Index>(found[j].rows) : 1;
-  }
-  return out;
-}
-
-// Held-out rows, and the states of the first ones.
-struct HeldOut {
-  SplitRecordings parts;
-  SubspaceStart start;
-};
-
-HeldOut held_out(SplitRecordings parts, const BlackBoxOptions& options) {
-  constexpr Index kMostHeldOut = 40000;  // rows
-  parts.rest = first_rows(parts.rest, kMostHeldOut);
-  SubspaceStart start =
-      subspace_start(parts.first, suitable_lags(parts.first, options.most_order), nullptr);
-  return {std::move(parts), std::move(start)};
-}
-
-// The best simulation of held-out rows by the first ones, of any order.
-double best_simulation(const HeldOut& of, const BlackBoxOptions& options) {
-  const auto most =
-      static_cast<int>(std::min<Index>(options.most_order, of.start.states.most_states()));
-  double best = -std::numeric_limits<double>::infinity();
-  for (int order = std::min(options.least_order, most); order <= most; ++order) {
-    BlackBoxCandidate each{order, Refinement::none,
-                           fitted(of.start, of.parts.first, order, Refinement::none, true)};
-    judge_on_held_out(each, of.parts);
-    best = std::max(best, each.simulation);
-  }
-  return best;
-}
-
-// Recordings about zero, where that is what they move around. The mean of few slow swings is no operating point: what is taken
-// off for it is missing in all later rows. Channels that pass through zero all the time are likely to be deviations
-// already; others have to do noticeably better so on rows that were held out. Without inputs the mean is all that is known.
-std::optional<HeldOut> about_zero(const ScaledRecordings& from_mean, const HeldOut& by_means,
-                                  const BlackBoxOptions& options) {
-  constexpr double kThrough = 1.0, kFar = 10.0;  // by the channel's scatter
-  constexpr double kDoubt = 0.05;                // of the fit
-  const double far = farthest_mean(from_mean.point);
-  if (from_mean.point.u.size() == 0 || !(far < kFar)) return std::nullopt;
-  HeldOut out = held_out(split(from_zero(from_mean), 1.0 - options.held_out_share), options);
-  const double gain = best_simulation(out, options) - best_simulation(by_means, options);
-  if (!(gain > (far < kThrough ? -kDoubt : kSameFit))) return std::nullopt;
-  return out;
-}
-
-ModelSearch begun(const std::vector<Dataset>& recordings, const BlackBoxOptions& options) {
-  ScaledRecordings all = scaled(recordings);
-  HeldOut chosen = held_out(about_first_means(split(all, 1.0 - options.held_out_share)), options);
-  if (std::optional<HeldOut> zero = about_zero(all, chosen, options)) {
-    all = from_zero(std::move(all));
-    SubspaceStart of_all = subspace_start(all, zero->start.sums.lags, &zero->start.prior);
-    return {std::move(all), std::move(zero->parts), std::move(zero->start), std::move(of_all)};
-  }
-  SubspaceStart of_all = subspace_start(all, chosen.start.sums.lags, &chosen.start.prior);
-  return {std::move(all), std::move(chosen.parts), std::move(chosen.start), std::move(of_all)};
-}
-
 // The outputs' level by the model's innovations: means of transients are others.
 void take_level(ModelSearch& search, BlackBoxCandidate& chosen) {
   if (search.all.point.y.isZero(0.0)) return;
@@ -634,11 +331,7 @@ void take_level(ModelSearch& search, BlackBoxCandidate& chosen) {
 BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Dataset>& recordings,
                                   const BlackBoxOptions& options) {
   check_options(options);
-  ModelSearch search = begun(recordings, options);
-  search.has_inputs = !channels.inputs.empty();
-  search.purpose = options.purpose;
-  search.structure = options.structure;
-  if (options.structure != ModelStructure::states) search.delays = delays_of(search, options);
+  ModelSearch search = begun_search(recordings, options);
   const bool by_inputs =
       search.purpose == BlackBoxPurpose::simulation || search.purpose == BlackBoxPurpose::control;
   if (by_inputs && !search.has_inputs) {
@@ -646,9 +339,8 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
         "estimate_black_box: without inputs nothing can be simulated or controlled");
   }
   const bool of_states = options.structure == ModelStructure::states;
-  std::vector<BlackBoxCandidate> tried =
-      of_states ? candidates(search, options) : polynomial_candidates(search, options);
-  BlackBoxCandidate& chosen = tried[choose_finite(search, tried, options)];
+  std::vector<BlackBoxCandidate> tried = candidates_of_all_orders(search, options);
+  BlackBoxCandidate& chosen = tried[chosen_candidate(search, tried, options)];
   take_level(search, chosen);
 
   BlackBoxResult out;
@@ -668,7 +360,7 @@ BlackBoxResult estimate_black_box(const Model& channels, const std::vector<Datas
     if (options.structure == ModelStructure::output_error) allow_for_colour(each);
   }
   append(estimate.findings, left);
-  append(estimate.findings, judged(search, chosen));
+  append(estimate.findings, judged(search, chosen, estimate.black_box.poles));
   BlackBox& box = estimate.black_box;
   box.nonlinearities =
       nonlinearities(chosen.model, search.all, box.inputs, box.outputs, search.of_all.sums.lags);

@@ -46,7 +46,7 @@ struct BlackBoxOptions {
   /// Of every recording, at its end, that candidates are judged on. The model that is chosen is estimated anew
   /// from all rows. Above 0, below 0.8.
   double held_out_share = 0.3;
-  /// Called with what it does. @return false to stop with InputError
+  /// Called with what it does; false ends the search with the orders that were tried, which is a finding.
   std::function<bool(const std::string& what)> progress = {};
 };
 

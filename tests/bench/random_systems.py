@@ -37,6 +37,7 @@ def steady_gain(A, C, Q, R):
         S = C @ P @ C.T + R
         K = A @ P @ C.T @ np.linalg.inv(S)
         P = A @ P @ A.T + Q - K @ S @ K.T
+        P = (P + P.T) / 2
     return K, C @ P @ C.T + R
 
 

@@ -7,12 +7,14 @@
 #include <numbers>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <fmt/format.h>
 
 #include "identify/black_box/internal/likeliest_prior.h"
 #include "lib/base/error.h"
+#include "lib/filter/steady_state.h"
 #include "lib/subspace/prediction_error.h"
 #include "lib/subspace/simulation_error.h"
 #include "solvers/solve.h"
@@ -364,6 +366,42 @@ InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordin
   return model_of(found, L, from);
 }
 
+// What rows say of a predictor's first state, beyond what is known of it before: of log det(I + P S), S the information of so
+// many rows about it in units of V, P its covariance where inputs are white and of unit power. A pole at the unit circle is
+// without this a sine that can be laid through noise.
+double first_state_known(const InnovationForm& predictor, const MatrixXd& root, Index rows) {
+  constexpr Index kMostRows = 5000;
+  const Index n = predictor.states();
+  MatrixXd S = MatrixXd::Zero(n, n), response = predictor.C;
+  for (Index t = 0; t < std::min(rows, kMostRows); ++t) {
+    S.noalias() += response.transpose() * response;
+    response = (response * predictor.A).eval();
+  }
+  return half_log_determinant(MatrixXd::Identity(n, n) + root.transpose() * S * root);
+}
+
+// Of log-likelihood: what first states cost that later predictions remember, rows behind the lags against those before.
+double cost_of_first_states(const InnovationForm& model, const MatrixXd& V,
+                            const ScaledRecordings& recordings, Index lags) {
+  if (forgets(model, lags)) return 0.0;
+  const Eigen::LLT<MatrixXd> factor(V);
+  const InnovationForm predictor = predictor_in(
+      model, factor.matrixL().solve(MatrixXd::Identity(model.outputs(), model.outputs())));
+  const MatrixXd A = with_poles_within(model, 0.99).A;
+  const auto P =
+      solve_discrete_lyapunov(A, model.K * V * model.K.transpose() + model.B * model.B.transpose());
+  if (!P) return 0.0;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> of_P(*P);
+  const MatrixXd root =
+      of_P.eigenvectors() * of_P.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  double sum = 0.0;
+  for (const MatrixXd& y : recordings.y) {
+    if (!y.allFinite() || y.cols() <= lags) continue;
+    sum += first_state_known(predictor, root, y.cols()) - first_state_known(predictor, root, lags);
+  }
+  return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
+}
+
 // Until no search by rows is likelier by more than the first states that are free in it explain.
 InnovationForm refined_by_rows(InnovationForm best, const ScaledRecordings& recordings,
                                const LaggedProducts& sums, double largest_pole) {
@@ -374,7 +412,9 @@ InnovationForm refined_by_rows(InnovationForm best, const ScaledRecordings& reco
     InnovationForm model = searched_by_rows(best, recordings, V, largest_pole);
     const MatrixXd now = prediction_errors(model, recordings, sums);
     const double gain = half_log_determinant(V) - half_log_determinant(now);
-    if (!(gain * static_cast<double>(sums.windows) > of_states)) break;
+    const double cost = cost_of_first_states(model, now, recordings, sums.lags) -
+                        cost_of_first_states(best, V, recordings, sums.lags);
+    if (!(gain * static_cast<double>(sums.windows) - cost > of_states)) break;
     best = std::move(model);
     V = now;
   }
@@ -475,12 +515,16 @@ void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recor
   const auto rows = static_cast<double>(std::min(sums.windows, kEnoughRows));
   const auto p = static_cast<double>(sums.outputs);
   const double half = half_log_determinant(candidate.model.sigma);
-  candidate.log_likelihood = -rows * (half + 0.5 * p * (1.0 + std::log(2.0 * std::numbers::pi)));
+  candidate.log_likelihood =
+      -rows * (half + 0.5 * p * (1.0 + std::log(2.0 * std::numbers::pi))) -
+      cost_of_first_states(candidate.model, candidate.model.sigma, recordings, sums.lags);
   Index parameters = 0;
   for (const PolynomialModel& each : candidate.polynomials) parameters += each.parameters();
   if (candidate.polynomials.empty()) parameters = free_parameters(candidate.model);
   candidate.bic =
       -2.0 * candidate.log_likelihood + static_cast<double>(parameters) * std::log(rows);
+  candidate.hannan_quinn = -2.0 * candidate.log_likelihood +
+                           2.0 * static_cast<double>(parameters) * std::log(std::log(rows));
 }
 
 namespace {

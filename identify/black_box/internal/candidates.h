@@ -52,6 +52,7 @@ struct BlackBoxCandidate {
   /// Of the predictions of all rows; NaN where it was not asked.
   double log_likelihood = std::numeric_limits<double>::quiet_NaN();
   double bic = std::numeric_limits<double>::quiet_NaN();
+  double hannan_quinn = std::numeric_limits<double>::quiet_NaN();
   double simulation = 0.0;  ///< fit of held-out rows, share of 1; NaN without inputs
   double prediction = 0.0;  ///< the same, one step ahead
   /// Held-out rows are simulated noticeably better than they are predicted, and than the rows that the
@@ -65,7 +66,7 @@ struct BlackBoxCandidate {
 InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& recordings, int order,
                       Refinement how, bool stable);
 
-/// Fills sigma, log-likelihood and BIC by the predictions of the rows that it was fitted to.
+/// Fills sigma, log-likelihood and the criteria of order by the predictions of the rows that it was fitted to.
 void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recordings,
                      const LaggedProducts& sums);
 /// Fills the fits of rows that were not seen by the model of the first rows, mean over outputs, and whether they are luck;

@@ -552,5 +552,72 @@ TEST(BlackBox, ModesThatRingOnAreFoundWithTheirPoles) {
   std::printf("6 states and ok in %d of %d\n", ok, kSeeds);
 }
 
+// A first-order series in two outputs, short: x(t+1) = A x + K e, y = C x + e.
+MatrixXd short_series(std::uint64_t seed, Index rows) {
+  Random random(seed);
+  MatrixXd y(2, rows);
+  double x = 0.0;
+  for (Index t = 0; t < rows; ++t) {
+    const Eigen::Vector2d e(random.normal(), random.normal());
+    y.col(t) = Eigen::Vector2d(1.0, -0.6) * x + e;
+    x = 0.9 * x + 0.5 * e[0] - 0.2 * e[1];
+  }
+  return y;
+}
+
+// Mean square of the predictions of these rows, of unit noise.
+double prediction_power(const SteadyFilter& filter, const MatrixXd& y) {
+  VectorXd x = VectorXd::Zero(filter.model.A.rows());
+  double sum = 0.0;
+  for (Index t = 0; t < y.cols(); ++t) {
+    const VectorXd e = y.col(t) - filter.model.C * x;
+    x = (filter.model.A * x + filter.K * e).eval();
+    sum += e.squaredNorm() / static_cast<double>(y.rows() * y.cols());
+  }
+  return sum;
+}
+
+// A pole of the predictor at the unit circle lays a sine or a line through what is noise, from the first state that suits it.
+TEST(BlackBox, APredictorThatRemembersForEverIsNoBargain) {
+  constexpr int kSeeds = 40;
+  int slow = 0;
+  double worst = 0.0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const Model model = linear_model()
+                            .A(0.0)
+                            .C({{1.0}, {1.0}})
+                            .outputs({"y0", "y1"})
+                            .process_noise(1.0)
+                            .measurement_noise(MatrixXd::Identity(2, 2))
+                            .step(0.1);
+    const BlackBoxResult result = estimate_black_box(
+        model, {recording(model, short_series(seed, 150), 0.1)}, {.most_order = 12});
+    ASSERT_TRUE(result.estimate.filter) << seed;
+    const SteadyFilter& filter = *result.estimate.filter;
+    const MatrixXd predictor = filter.model.A - filter.K * filter.model.C;
+    const double radius = predictor.eigenvalues().cwiseAbs().maxCoeff();
+    slow += radius > 0.99 ? 1 : 0;
+    worst = std::max(worst, prediction_power(filter, short_series(seed + 1000, 20000)));
+  }
+  EXPECT_EQ(slow, 0);
+  EXPECT_LT(worst, 1.3);
+  std::printf(
+      "%d of %d remember for more than 100 rows, largest power of errors %.2f (1 by nature)\n",
+      slow, kSeeds, worst);
+}
+
+TEST(BlackBox, StopsWhereTheCallerSays) {
+  const Record record = recorded(Plant{}, 1000, 5);
+  int asked = 0;
+  const BlackBoxResult result =
+      found(record, {.progress = [&](const std::string&) { return ++asked < 4; }});
+  EXPECT_EQ(asked, 4);
+  EXPECT_EQ(result.estimate.status, Status::not_converged);
+  EXPECT_LE(result.estimate.black_box.order, 3);
+  const BlackBoxResult at_once =
+      found(record, {.progress = [](const std::string&) { return false; }});
+  EXPECT_EQ(at_once.estimate.black_box.order, 1);
+}
+
 }  // namespace
 }  // namespace identikal
