@@ -38,9 +38,14 @@ MatrixXd kernel_matrix(const KernelPrior& prior, Index rows) {
     }
     return decay[high];
   };
+  const VectorXd apart = powers(prior.slow_correlation, rows),
+                 slow = powers(std::exp(-2.0 / static_cast<double>(rows)), rows);
   MatrixXd out(rows, rows);
   for (Index k = 0; k < rows; ++k) {
-    for (Index l = 0; l <= k; ++l) out(k, l) = out(l, k) = prior.size * value(l, k);
+    for (Index l = 0; l <= k; ++l) {
+      out(k, l) = out(l, k) =
+          prior.size * value(l, k) + prior.slow_size * slow[k] * slow[l] * apart[k - l];
+    }
   }
   return out;
 }

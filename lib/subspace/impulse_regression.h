@@ -20,6 +20,10 @@ struct KernelPrior {
   double size = 1.0;         ///< above 0
   double decay = 0.7;        ///< above 0, below 1
   double correlation = 0.9;  ///< of neighbours, above 0, below 1; DC only
+  /// Of a second part that fades over all rows, zero where there is none: slow_size exp(-2 (k + l)/rows)
+  /// slow_correlation^|k - l|.
+  double slow_size = 0.0;
+  double slow_correlation = 0.9;  ///< above 0, below 1
 };
 
 /// Its covariance of h_0 ... h_(rows-1).
@@ -38,6 +42,7 @@ class ImpulseRegression {
  public:
   /// @throws std::invalid_argument for sums without inputs
   explicit ImpulseRegression(const LaggedProducts& sums);
+  Eigen::Index rows() const { return lags_ + 1; }  ///< of a response
   /// Logarithm of the marginal likelihood, every output's noise variance at its maximum, less what no prior changes.
   double log_evidence(const KernelPrior& prior) const;
   /// Posterior means and standard deviations, (m(L+1)) x p: input after input with rising lags.

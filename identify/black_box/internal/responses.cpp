@@ -140,16 +140,18 @@ std::vector<BlackBox::ImpulseResponse> impulse_responses(const ScaledRecordings&
   // In a long recording no kernel is far from the data, and of many inputs a choice takes longer than all else.
   constexpr Index kShort = 5000, kFew = 110;
   const bool all_kernels = recordings.rows() <= kShort && m * (lags + 1) <= kFew;
-  const KernelPrior prior = likeliest_kernel(regression, all_kernels);
-  const ImpulseRegression::Responses found = regression.estimate(prior);
+  const KernelPriors priors = likeliest_kernel(regression, all_kernels);
+  const MatrixXd value = regression.estimate(priors.likeliest).value;
+  MatrixXd se = MatrixXd::Zero(value.rows(), value.cols());
+  for (const KernelPrior& each : priors.wide) se = se.cwiseMax(regression.estimate(each).se);
   std::vector<BlackBox::ImpulseResponse> all;
   for (Index i = 0; i < p; ++i) {
     for (Index j = 0; j < m; ++j) {
       auto out = named<BlackBox::ImpulseResponse>(channels, i, j);
       const double scale = to_si(recordings.point, i, j);
-      out.kernel = name_of(prior.kernel);
-      out.value = scale * found.value.col(i).segment(j * (lags + 1), lags + 1);
-      out.se = scale * found.se.col(i).segment(j * (lags + 1), lags + 1);
+      out.kernel = name_of(priors.likeliest.kernel);
+      out.value = scale * value.col(i).segment(j * (lags + 1), lags + 1);
+      out.se = scale * se.col(i).segment(j * (lags + 1), lags + 1);
       all.push_back(std::move(out));
     }
   }

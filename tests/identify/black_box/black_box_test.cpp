@@ -619,5 +619,41 @@ TEST(BlackBox, StopsWhereTheCallerSays) {
   EXPECT_EQ(at_once.estimate.black_box.order, 1);
 }
 
+// y = sum of (0.6^k + 0.03 0.95^k) u(t - k) + e: nearly all of it is gone after ten rows, but not all.
+Record with_slow_rest(std::uint64_t seed) {
+  constexpr Index kRows = 300;
+  Random random(seed);
+  Record out{VectorXd(kRows), VectorXd(kRows)};
+  double fast = 0.0, slow = 0.0;
+  for (Index t = 0; t < kRows; ++t) {
+    out.u[t] = random.normal();
+    fast = 0.6 * fast + out.u[t];
+    slow = 0.95 * slow + 0.03 * out.u[t];
+    out.y[t] = fast + slow + 0.4 * random.normal();
+  }
+  return out;
+}
+
+TEST(BlackBox, BandsOfImpulseResponsesHoldWhatFadesSlowly) {
+  constexpr int kSeeds = 20, kLags = 50;
+  int held = 0, held_late = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const BlackBoxResult result = found(with_slow_rest(seed), {.most_order = 3});
+    const BlackBox::ImpulseResponse& response = result.estimate.black_box.impulse_responses.front();
+    ASSERT_GE(response.value.size(), kLags);
+    for (int k = 0; k < kLags; ++k) {
+      const double truth = std::pow(0.6, k) + 0.03 * std::pow(0.95, k);
+      const bool holds = std::abs(response.value[k] - truth) < 1.96 * response.se[k];
+      held += holds ? 1 : 0;
+      held_late += holds && k >= 15 ? 1 : 0;
+    }
+  }
+  const double share = held / static_cast<double>(kSeeds * kLags),
+               late = held_late / static_cast<double>(kSeeds * (kLags - 15));
+  EXPECT_GT(share, 0.9);
+  EXPECT_GT(late, 0.9);
+  std::printf("95 %% bands hold %.3f, behind row 15 %.3f\n", share, late);
+}
+
 }  // namespace
 }  // namespace identikal

@@ -70,6 +70,11 @@ TEST(ImpulseRegression, KnowsItsKernels) {
   EXPECT_LT((tc - dc).cwiseAbs().maxCoeff(), 1e-15);
   const MatrixXd ss = kernel_matrix({Kernel::stable_spline, 1.0, 0.5}, 2);
   EXPECT_DOUBLE_EQ(ss(0, 1), std::pow(0.5, 5) / 2.0 - std::pow(0.5, 6) / 6.0);
+  KernelPrior slow{Kernel::diagonal_correlated, 2.0, 0.5, 0.6};
+  const double before = kernel_matrix(slow, 4)(1, 3);
+  slow.slow_size = 0.1;
+  slow.slow_correlation = 0.8;
+  EXPECT_NEAR(kernel_matrix(slow, 4)(1, 3) - before, 0.1 * std::exp(-2.0) * 0.64, 1e-15);
 }
 
 std::vector<MatrixXd> responses(const InnovationForm& model, int count) {
