@@ -4,6 +4,7 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <utility>
 
 #include <Eigen/LU>
 
@@ -114,6 +115,38 @@ void unwrap(BlackBox::FrequencyResponse& out) {
   }
 }
 
+// How far a response moves once the window is twice as wide: mean square over the variance that it has then.
+double moved(const SpectralResponse& from, const SpectralResponse& to) {
+  double sum = 0.0, count = 0.0;
+  for (std::size_t k = 0; k < to.G.size(); ++k) {
+    const MatrixXd apart = (to.G[k] - from.G[k]).cwiseAbs2();
+    const double ratio = 0.5 * apart.cwiseQuotient(to.se[k].cwiseAbs2()).mean();
+    if (!std::isfinite(ratio)) continue;
+    sum += ratio;
+    count += 1.0;
+  }
+  return count > 0.0 ? sum / count : 0.0;
+}
+
+// The window is opened for as long as the response moves by more than the scatter that this adds.
+SpectralResponse resolved_spectra(const ScaledRecordings& recordings, const VectorXd& omega) {
+  constexpr Index kFirst = 60, kWidest = 1000;
+  constexpr double kMoved = 0.5, kWork = 2e8;
+  Index longest = 0;
+  for (const MatrixXd& each : recordings.y) longest = std::max(longest, each.cols());
+  const auto channels = static_cast<double>(recordings.y[0].rows() + recordings.u[0].rows());
+  const double work_of_a_lag = channels * channels * static_cast<double>(recordings.rows());
+  const Index most = std::min({longest / 6, kWidest, static_cast<Index>(kWork / work_of_a_lag)});
+  Index lags = std::clamp<Index>(longest / 6, 1, kFirst);
+  SpectralResponse out = spectral_analysis(recordings.y, recordings.u, lags, omega);
+  for (lags *= 2; lags <= most; lags *= 2) {
+    SpectralResponse wider = spectral_analysis(recordings.y, recordings.u, lags, omega);
+    if (!(moved(out, wider) > kMoved)) break;
+    out = std::move(wider);
+  }
+  return out;
+}
+
 BlackBox::FrequencyResponse empty_response(const Dataset& channels, Index i, Index j,
                                            const VectorXd& omega) {
   auto out = named<BlackBox::FrequencyResponse>(channels, i, j);
@@ -198,11 +231,7 @@ std::vector<BlackBox::FrequencyResponse> frequency_responses(const InnovationFor
   if (m == 0) return {};
   const VectorXd omega = frequencies(recordings);
   const ScaledRecordings used = first_rows(recordings, kEnoughRows);
-  Index longest = 0;
-  for (const MatrixXd& each : used.y) longest = std::max(longest, each.cols());
-  constexpr Index kWidest = 60;
-  const Index lags = std::clamp<Index>(longest / 6, 1, kWidest);
-  const SpectralResponse spectral = spectral_analysis(used.y, used.u, lags, omega);
+  const SpectralResponse spectral = resolved_spectra(used, omega);
   std::vector<BlackBox::FrequencyResponse> all;
   for (Index i = 0; i < p; ++i) {
     for (Index j = 0; j < m; ++j) all.push_back(empty_response(channels, i, j, omega));

@@ -655,5 +655,34 @@ TEST(BlackBox, BandsOfImpulseResponsesHoldWhatFadesSlowly) {
   std::printf("95 %% bands hold %.3f, behind row 15 %.3f\n", share, late);
 }
 
+// A resonance that is narrower than the first window: G = 1/(1 - 2 r cos(f) q^-1 + r^2 q^-2).
+TEST(BlackBox, SpectralAnalysisOpensItsWindowAtAResonance) {
+  constexpr double kRadius = 0.97, kAngle = 0.5;
+  constexpr Index kRows = 6000;
+  const double a1 = 2.0 * kRadius * std::cos(kAngle), a2 = -kRadius * kRadius;
+  Random random(11);
+  Record record{VectorXd::Zero(kRows), VectorXd(kRows)};
+  double before = 0.0, last = 0.0;
+  for (Index t = 0; t < kRows; ++t) {
+    record.u[t] = random.normal();
+    const double now = a1 * last + a2 * before + record.u[t];
+    record.y[t] = now + 2.0 * random.normal();
+    before = last;
+    last = now;
+  }
+  const BlackBoxResult result = found(record, {.most_order = 4});
+  const BlackBox::FrequencyResponse& response =
+      result.estimate.black_box.frequency_responses.front();
+  double worst = 0.0, highest = 0.0;
+  for (Index k = 0; k < response.frequency.size(); ++k) {
+    const std::complex<double> z = std::polar(1.0, -0.1 * response.frequency[k]);
+    const double truth = 1.0 / std::abs(1.0 - a1 * z - a2 * z * z);
+    highest = std::max(highest, truth);
+    worst = std::max(worst, std::abs(response.spectral_gain[k] - truth));
+  }
+  EXPECT_LT(worst / highest, 0.15);
+  std::printf("largest error of the gain %.3f of the peak\n", worst / highest);
+}
+
 }  // namespace
 }  // namespace identikal
