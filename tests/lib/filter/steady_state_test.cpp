@@ -72,6 +72,26 @@ TEST(SteadyState, OfOneNoiseForStateAndOutputIsItsOwnGain) {
   EXPECT_GT(solved, 50);
 }
 
+// The same with a predictor that forgets next to nothing, as of lightly damped modes measured with little noise.
+TEST(SteadyState, OfOneNoiseIsItsOwnGainHoweverSlowlyThatForgets) {
+  Random random(8);
+  for (int k = 0; k < 60; ++k) {
+    StateSpace model;
+    const Index n = 2 + k % 11, ny = 1 + k % 2;
+    MatrixXd F = random_matrix(random, n, n);
+    F *= (k % 3 == 0 ? 0.999999 : 0.9999) / F.eigenvalues().cwiseAbs().maxCoeff();
+    model.C = random_matrix(random, ny, n);
+    model.G = 0.1 * random_matrix(random, n, ny);
+    model.A = F + model.G * model.C;
+    model.B = MatrixXd(n, 0);
+    model.D = MatrixXd(ny, 0);
+    model.Q = model.R = model.S = 1e-9 * MatrixXd::Identity(ny, ny);
+    const auto steady = steady_state(model);
+    ASSERT_TRUE(steady.has_value()) << k;
+    EXPECT_LT((steady->K - model.G).norm(), 1e-5 * model.G.norm()) << k;
+  }
+}
+
 TEST(SteadyState, SatisfiesTheRiccatiEquation) {
   StateSpace m;
   m.A = (MatrixXd(2, 2) << 1, 1, 0, 1).finished();  // integrators
