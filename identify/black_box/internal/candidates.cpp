@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <numbers>
 
 #include <Eigen/Cholesky>
@@ -394,10 +395,14 @@ double cost_of_first_states(const InnovationForm& model, const MatrixXd& V,
   const Eigen::SelfAdjointEigenSolver<MatrixXd> of_P(*P);
   const MatrixXd root =
       of_P.eigenvectors() * of_P.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  const double before = first_state_known(predictor, root, lags);
+  std::map<Index, double> behind;  // of so many rows: many recordings have the same
   double sum = 0.0;
   for (const MatrixXd& y : recordings.y) {
     if (!y.allFinite() || y.cols() <= lags) continue;
-    sum += first_state_known(predictor, root, y.cols()) - first_state_known(predictor, root, lags);
+    const auto [known, is_new] = behind.try_emplace(y.cols());
+    if (is_new) known->second = first_state_known(predictor, root, y.cols());
+    sum += known->second - before;
   }
   return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }
