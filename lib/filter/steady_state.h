@@ -26,7 +26,8 @@ struct SteadyState {
 };
 
 /// By structure-preserving doubling (Chu, Fan & Lin 2005), polished by Newton's method (Kleinman
-/// 1968).
+/// 1968). Where none of them settles, and w and v are one noise whose predictor is stable: P = 0,
+/// K = G S R^-1 (innovation form).
 ///
 /// Example:
 ///

@@ -104,13 +104,14 @@ def inside(value, se, truth):
 
 
 def bands(system, box, m):
-    """Whether the model's 95 % bands hold the truth: gain over frequency, and the first 40 rows of the steps."""
+    """Whether 95 % bands hold the truth: of the model's gain over frequency and the first 40 rows of its steps, and of the gain by spectral analysis."""
     A, B, C, D, *_ = system
-    gains, steps = [], []
+    gains, steps, spectral = [], [], []
     for place, response in enumerate(box["frequency_responses"]):
         i, j = divmod(place, m)
         truth = [abs((C @ np.linalg.solve(np.exp(1j * w) * np.eye(len(A)) - A, B) + D)[i, j]) for w in response["frequency"]]
         gains += inside(response["gain"], response["gain_se"], np.array(truth))
+        spectral += inside(response["spectral_gain"], response["spectral_gain_se"], np.array(truth))
     for response in box["step_responses"]:
         i, j = int(response["output"][1:]), int(response["input"][1:])
         x, truth = np.zeros(len(A)), []
@@ -118,12 +119,12 @@ def bands(system, box, m):
             truth.append(C[i] @ x + D[i, j])
             x = A @ x + B[:, j]
         steps += inside(response["value"][:40], response["se"][:40], np.array(truth))
-    return gains, steps
+    return gains, steps, spectral
 
 
 def main(program, count, seed, purpose="prediction"):
     draw, excess, orders, covered, times, unstable, right = np.random.default_rng(int(seed)), [], [], [], [], 0, 0
-    in_gains, in_steps = [], []
+    in_gains, in_steps, in_spectral = [], [], []
     for _ in range(int(count)):
         n, m, p = draw.integers(1, 9), draw.integers(1, 4), draw.integers(1, 4)
         decibels, rows = draw.uniform(0, 40), int(10 ** draw.uniform(np.log10(500), np.log10(20000)))
@@ -148,7 +149,8 @@ def main(program, count, seed, purpose="prediction"):
         unstable += np.abs(np.linalg.eigvals(A)).max() >= 1
         right += found["status"]["code"] == "ok"
         if size == n:
-            gains, steps = bands(system, box, m)
+            gains, steps, spectral = bands(system, box, m)
+            in_spectral += spectral
             in_gains += gains
             in_steps += steps
             truth = np.linalg.eigvals(system[0])
@@ -164,7 +166,7 @@ def main(program, count, seed, purpose="prediction"):
     of = np.array(excess)
     print(f"{len(of)} systems for {purpose}: within 1 % of exact maximum likelihood {np.mean(of[:, 0] - of[:, 1] < 0.01):.3f}, median excess over "
           f"expected {np.median(of[:, 0] / of[:, 1]):.2f}, order right {np.mean(np.array(orders) == 0):.2f}, below {np.mean(np.array(orders) < 0):.2f}, "
-          f"poles covered {np.mean(covered):.3f} of {len(covered)}, bands of gains {np.mean(in_gains):.3f}, of steps {np.mean(in_steps):.3f}, unstable {unstable}, ok {right}, mean {np.mean(times):.2f} s, longest {np.max(times):.2f} s")
+          f"poles covered {np.mean(covered):.3f} of {len(covered)}, bands of gains {np.mean(in_gains):.3f}, of steps {np.mean(in_steps):.3f}, of gains by spectral analysis {np.mean(in_spectral):.3f}, unstable {unstable}, ok {right}, mean {np.mean(times):.2f} s, longest {np.max(times):.2f} s")
 
 
 if __name__ == "__main__":

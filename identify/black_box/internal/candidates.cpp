@@ -367,9 +367,9 @@ InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordin
   return model_of(found, L, from);
 }
 
-// What rows say of a predictor's first state, beyond what is known of it before: of log det(I + P S), S the information of so
-// many rows about it in units of V, P its covariance where inputs are white and of unit power. A pole at the unit circle is
-// without this a sine that can be laid through noise.
+// What rows say of a predictor's first state, beyond what is known of it before: log det(I + P S)/2, S the information of
+// so many rows about it in units of V, P its covariance where inputs are white and of unit power. Without this a pole at
+// the unit circle is a sine that can be laid through noise at no cost.
 double first_state_known(const InnovationForm& predictor, const MatrixXd& root, Index rows) {
   constexpr Index kMostRows = 5000;
   const Index n = predictor.states();

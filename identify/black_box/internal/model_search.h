@@ -40,8 +40,8 @@ void fit_to_all_rows(const ModelSearch& search, BlackBoxCandidate& candidate);
 /// Fits of held-out rows by the first ones; where BIC is wanted the model of all rows too.
 BlackBoxCandidate candidate(const ModelSearch& search, int order, Refinement how, bool with_bic);
 
-/// All orders that were asked for, until progress() says no; of states as the regression on them has it, and with B and D by simulation where
-/// simulations count.
+/// All orders that were asked for, until progress() says no; of states as the regression on them
+/// has it, and with B and D by simulation where simulations count.
 /// @throws InputError where the least order is beyond what the recordings tell
 std::vector<BlackBoxCandidate> candidates_of_all_orders(ModelSearch& search,
                                                         const BlackBoxOptions& options);
