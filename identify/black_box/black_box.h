@@ -62,7 +62,8 @@ struct BlackBoxResult {
 /// 1. A regularised predictor of many lags, its smoothness by empirical Bayes (lib/subspace/predictor.h).
 /// 2. States of all orders by canonical variates (lib/subspace/realisation.h).
 /// 3. Every order from the first rows of the recordings, with B and D by regression or by simulation; the
-///    order by the fit of the held-out rows (simulation) or by BIC (prediction).
+///    order by the fit of the held-out rows (simulation) or by BIC, for predictions by inputs from there upwards by
+///    the criterion of Hannan & Quinn (1979).
 /// 4. The one that is chosen by the prediction error method from all rows (lib/subspace/prediction_error.h);
 ///    where simulation is the purpose, kept where it does better on held-out rows.
 ///

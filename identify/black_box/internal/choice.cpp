@@ -13,8 +13,6 @@ namespace {
 
 using Eigen::Index;
 
-// Fits closer than this are the same: the smaller order is taken.
-constexpr double kSameFit = 0.005;
 constexpr double kNoticeably = 0.02;  // of the fit
 
 // The smallest order whose simulation of held-out rows is as good as the best, and no luck (as of outputs that wander off
@@ -36,13 +34,17 @@ std::size_t best_simulation(const std::vector<BlackBoxCandidate>& all) {
   return chosen;
 }
 
-std::size_t least_bic(const std::vector<BlackBoxCandidate>& all) {
+std::size_t least(const std::vector<BlackBoxCandidate>& all, double BlackBoxCandidate::*criterion) {
   std::size_t least = 0;
   for (std::size_t k = 1; k < all.size(); ++k) {
     // Also past one that has none: a predictor that overflows.
-    if (all[k].bic < all[least].bic || !std::isfinite(all[least].bic)) least = k;
+    if (all[k].*criterion < all[least].*criterion || !std::isfinite(all[least].*criterion))
+      least = k;
   }
   return least;
+}
+std::size_t least_bic(const std::vector<BlackBoxCandidate>& all) {
+  return least(all, &BlackBoxCandidate::bic);
 }
 
 // Rows until the slowest pole has come to 1/e.
@@ -97,17 +99,12 @@ std::size_t best_prediction(const ModelSearch& search, std::vector<BlackBoxCandi
   const int most = all.back().order;
   refine_likeliest(search, all, 1);
   if (!search.has_inputs) return least_bic(all);
-  const auto is_better = [](const BlackBoxCandidate& a, const BlackBoxCandidate& b) {
-    return a.hannan_quinn < b.hannan_quinn;
-  };
-  const auto of_all = std::min_element(all.begin(), all.end(), is_better);
-  auto best = static_cast<std::size_t>(of_all - all.begin());
+  std::size_t best = least(all, &BlackBoxCandidate::hannan_quinn);
   for (int order = all.back().order + 1, tried = 0; order <= most && tried < kFurther; ++order) {
     all.push_back(candidate(search, order, Refinement::prediction_error, true));
-    ++tried;
-    if (!is_better(all.back(), all[best])) continue;
-    best = all.size() - 1;
-    tried = 0;
+    const std::size_t now = least(all, &BlackBoxCandidate::hannan_quinn);
+    tried = now == best ? tried + 1 : 0;
+    best = now;
   }
   return best;
 }

@@ -18,9 +18,6 @@ using Eigen::MatrixXd;
 
 namespace {
 
-// Fits closer than this are the same.
-constexpr double kSameSimulation = 0.005;
-
 // Held-out rows, and the states of the first ones.
 struct HeldOut {
   SplitRecordings parts;
@@ -60,7 +57,7 @@ std::optional<HeldOut> about_zero(const ScaledRecordings& from_mean, const HeldO
   if (from_mean.point.u.size() == 0 || !(far < kFar)) return std::nullopt;
   HeldOut out = held_out(split(from_zero(from_mean), 1.0 - options.held_out_share), options);
   const double gain = best_simulation(out, options) - best_simulation(by_means, options);
-  if (!(gain > (far < kThrough ? -kDoubt : kSameSimulation))) return std::nullopt;
+  if (!(gain > (far < kThrough ? -kDoubt : kSameFit))) return std::nullopt;
   return out;
 }
 

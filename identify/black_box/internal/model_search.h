@@ -12,6 +12,9 @@
 
 namespace identikal {
 
+/// Fits closer than this are the same: the smaller order is taken.
+inline constexpr double kSameFit = 0.005;
+
 /// What the search for a model works on: all rows, and their first ones, which candidates are fitted to.
 struct ModelSearch {
   ScaledRecordings all;
