@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 
 #include "identify/black_box/internal/likeliest_prior.h"
+#include "identify/black_box/internal/predictor_memory.h"
 #include "lib/base/error.h"
 #include "lib/filter/steady_state.h"
 #include "lib/subspace/prediction_error.h"
@@ -28,38 +29,11 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-// Poles of a simulation that has to stay finite, however long it runs.
 
 double half_log_determinant(const MatrixXd& V) {
   const Eigen::LLT<MatrixXd> factor(V);
   if (factor.info() != Eigen::Success) return kNan;
   return factor.matrixLLT().diagonal().array().log().sum();
-}
-
-// 1 - rms(e)/rms(y), mean over outputs, of all recordings together.
-double mean_fit(const std::vector<MatrixXd>& y, const std::vector<MatrixXd>& predicted) {
-  double sum = 0.0;
-  const Index p = y.front().rows();
-  for (Index i = 0; i < p; ++i) {
-    double left = 0.0, all = 0.0, mean = 0.0, count = 0.0;
-    for (const MatrixXd& each : y) {
-      for (const double value : each.row(i)) {
-        if (std::isfinite(value)) mean += value, ++count;
-      }
-    }
-    mean /= std::max(count, 1.0);
-    for (std::size_t k = 0; k < y.size(); ++k) {
-      for (Index t = 0; t < y[k].cols(); ++t) {
-        const double value = y[k](i, t);
-        if (!std::isfinite(value)) continue;
-        left += std::pow(value - predicted[k](i, t), 2);
-        all += std::pow(value - mean, 2);
-      }
-    }
-    sum += 1.0 - std::sqrt(left / std::max(all, 1e-300));
-  }
-  return std::isfinite(sum) ? sum / static_cast<double>(p)
-                            : -std::numeric_limits<double>::infinity();
 }
 
 // Rows that have so many without a gap before them.
@@ -108,120 +82,6 @@ SubspaceStart subspace_start(const ScaledRecordings& recordings, Index lags,
   const PredictorPrior prior = likeliest_prior(regression, start);
   Realisation states(sums, regression.estimate(prior));
   return {std::move(sums), prior, std::move(states)};
-}
-
-namespace {
-
-// Rows after which a millionth is left in the predictor of what was before them.
-double memory_of(const InnovationForm& model) {
-  const double radius = spectral_radius(model.A - model.K * model.C);
-  if (!(radius < 1.0)) return std::numeric_limits<double>::infinity();
-  return radius > 0.0 ? std::log(1e-6) / std::log(radius) : 0.0;
-}
-bool forgets(const InnovationForm& model, Index lags) {
-  return memory_of(model) < static_cast<double>(lags);
-}
-
-// The predictor as a simulation driven by inputs and outputs, outputs in the unit of W y.
-InnovationForm predictor_in(const InnovationForm& model, const MatrixXd& W) {
-  InnovationForm out = model;
-  out.A = model.A - model.K * model.C;
-  out.B.resize(model.states(), model.inputs() + model.outputs());
-  out.B << model.B - model.K * model.D, model.K;
-  out.C = W * model.C;
-  out.D = MatrixXd::Zero(model.outputs(), out.B.cols());
-  out.D.leftCols(model.inputs()) = W * model.D;
-  return out;
-}
-MatrixXd driving(const MatrixXd& y, const MatrixXd& u) {
-  MatrixXd out(u.rows() + y.rows(), y.cols());
-  out << u, y;
-  return out;
-}
-
-// The state in the first row from which the first predictions are best.
-VectorXd state_before_predictions(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
-                                  Index rows) {
-  const MatrixXd as_is = MatrixXd::Identity(model.outputs(), model.outputs());
-  return initial_state(predictor_in(model, as_is), y, driving(y, u), rows);
-}
-
-// The same of all predictions that remember it; zero where none does behind the lags, and where outputs are missing, which
-// drive them.
-VectorXd first_state(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
-                     Index lags) {
-  constexpr double kMostRows = 5000.0;
-  if (forgets(model, lags) || !y.allFinite()) return VectorXd::Zero(model.states());
-  const auto rows = static_cast<Index>(std::min(memory_of(model), kMostRows));
-  return state_before_predictions(model, y, u, rows);
-}
-
-constexpr double kFollows = 1e-2;  // of a level: predictions that leave no more of it follow any
-
-// Of c that is taken off y the innovations lose (I - C (I - A + K C)^-1 K) c once the predictor has settled.
-VectorXd settled_level(const InnovationForm& model, const ScaledRecordings& recordings,
-                       Index lags) {
-  const Index n = model.states(), p = model.outputs();
-  VectorXd sum = VectorXd::Zero(p), count = sum;
-  const MatrixXd settle = MatrixXd::Identity(n, n) - model.A + model.K * model.C;
-  const MatrixXd kept = MatrixXd::Identity(p, p) - model.C * settle.partialPivLu().solve(model.K);
-  const Eigen::PartialPivLU<MatrixXd> factor(kept);
-  if (!kept.allFinite() || !(factor.rcond() > kFollows)) return sum;
-  for (std::size_t k = 0; k < recordings.y.size(); ++k) {
-    const MatrixXd& y = recordings.y[k];
-    const MatrixXd e = y - one_step_predictions(model, y, recordings.u[k], VectorXd::Zero(n));
-    for (Index t = lags; t < e.cols(); ++t) {
-      if (!e.col(t).allFinite()) continue;
-      sum += e.col(t);
-      count.array() += 1.0;
-    }
-  }
-  return factor.solve(sum.cwiseQuotient(count.cwiseMax(1.0)));
-}
-
-// Of a predictor that does not settle: each recording begins at the first state that is best with that level.
-VectorXd remembered_level(const InnovationForm& model, const ScaledRecordings& recordings) {
-  const Index n = model.states(), p = model.outputs();
-  const InnovationForm predictor = predictor_in(model, MatrixXd::Identity(p, p));
-  MatrixXd kept = MatrixXd::Zero(p, p), sum = MatrixXd::Zero(p, 1);
-  double rows = 0.0;
-  const ScaledRecordings enough = first_rows(recordings, 5000);
-  for (std::size_t k = 0; k < enough.y.size(); ++k) {
-    const MatrixXd &y = enough.y[k], &u = enough.u[k];
-    if (!y.allFinite()) continue;
-    const auto left = [&](const MatrixXd& outputs, const MatrixXd& inputs) {
-      return (outputs - simulated_outputs(predictor, driving(outputs, inputs), VectorXd::Zero(n)))
-          .eval();
-    };
-    MatrixXd by_level(y.size(), p), by_state(y.size(), n), response = predictor.C;
-    for (Index j = 0; j < p; ++j) {
-      MatrixXd unit = MatrixXd::Zero(p, y.cols());
-      unit.row(j).setOnes();
-      by_level.col(j) = left(unit, MatrixXd::Zero(u.rows(), u.cols())).reshaped();
-    }
-    for (Index t = 0; t < y.cols(); ++t) {
-      by_state.middleRows(p * t, p) = response;
-      response = (response * predictor.A).eval();
-    }
-    const auto states = by_state.completeOrthogonalDecomposition();
-    const auto add_beside_states = [&](MatrixXd of, MatrixXd& sums) {
-      of -= by_state * states.solve(of);
-      for (Index t = 0; t < y.cols(); ++t) sums += of.middleRows(p * t, p);
-    };
-    add_beside_states(by_level, kept);
-    add_beside_states(left(y, u).reshaped(), sum);
-    rows += static_cast<double>(y.cols());
-  }
-  const Eigen::PartialPivLU<MatrixXd> factor(kept / std::max(rows, 1.0));
-  if (rows == 0.0 || !kept.allFinite() || !(factor.rcond() > kFollows)) return VectorXd::Zero(p);
-  return factor.solve(sum / rows);
-}
-
-}  // namespace
-
-VectorXd level_of(const InnovationForm& model, const ScaledRecordings& recordings, Index lags) {
-  return forgets(model, lags) ? settled_level(model, recordings, lags)
-                              : remembered_level(model, recordings);
 }
 
 MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& recordings,
@@ -530,77 +390,6 @@ void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recor
       -2.0 * candidate.log_likelihood + static_cast<double>(parameters) * std::log(rows);
   candidate.hannan_quinn = -2.0 * candidate.log_likelihood +
                            2.0 * static_cast<double>(parameters) * std::log(std::log(rows));
-}
-
-namespace {
-
-struct Fits {
-  double simulation = 0.0, prediction = 0.0;
-};
-
-// The state that the first rows tell of a predictor that remembers it through all of them.
-VectorXd remembered_state(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u,
-                          const VectorXd& otherwise) {
-  if (forgets(model, y.cols()) || !y.allFinite()) return otherwise;
-  return state_before_predictions(model, y, u, kRowsForState);
-}
-
-Fits fits_of(const InnovationForm& model, const ScaledRecordings& to) {
-  std::vector<MatrixXd> simulated, predicted;
-  for (std::size_t k = 0; k < to.y.size(); ++k) {
-    const MatrixXd &y = to.y[k], &u = to.u[k];
-    const VectorXd x0 = initial_state(model, y, u, kRowsForState);
-    simulated.push_back(simulated_outputs(model, u, x0));
-    predicted.push_back(one_step_predictions(model, y, u, remembered_state(model, y, u, x0)));
-  }
-  return {model.inputs() > 0 ? mean_fit(to.y, simulated) : kNan, mean_fit(to.y, predicted)};
-}
-
-}  // namespace
-
-void judge_on_held_out(BlackBoxCandidate& candidate, const SplitRecordings& parts) {
-  constexpr double kWorse = 0.1;  // of the fit
-  const InnovationForm& model = candidate.of_first = candidate.model;
-  const Fits held_out = fits_of(model, parts.rest);
-  candidate.prediction = held_out.prediction;
-  candidate.simulation = held_out.simulation;
-  const double usual = held_out.simulation - kWorse;
-  candidate.lucky = held_out.prediction <= usual && fits_of(model, parts.first).simulation < usual;
-}
-
-namespace {
-
-// Outputs that were recorded and what was predicted for them; one matrix for each row ahead.
-struct Ahead {
-  std::vector<MatrixXd> y, predicted;
-};
-
-void add_ahead(const InnovationForm& model, const MatrixXd& y, const MatrixXd& u, Index horizon,
-               Index stride, Ahead& out) {
-  const Index from = std::min(kRowsForState, y.cols() / 4);
-  const Index places = (y.cols() - from - horizon) / stride + 1;
-  if (y.cols() - from < horizon) return;
-  const auto at = [&](Index k) { return Eigen::seqN(from + k, places, stride); };
-  const MatrixXd states = predictor_states(model, y, u, initial_state(model, y, u, kRowsForState));
-  MatrixXd x = states(Eigen::all, at(0));
-  for (Index k = 0; k < horizon; ++k) {
-    const MatrixXd here = u(Eigen::all, at(k));
-    out.y.push_back(y(Eigen::all, at(k)));
-    out.predicted.push_back(model.C * x + model.D * here);
-    x = (model.A * x + model.B * here).eval();
-  }
-}
-
-}  // namespace
-
-void judge_for_control(BlackBoxCandidate& candidate, const ScaledRecordings& held_out,
-                       Index horizon) {
-  constexpr Index kPlaces = 2000;
-  const Index stride = std::max<Index>(1, held_out.rows() / kPlaces);
-  Ahead ahead;
-  for (std::size_t k = 0; k < held_out.y.size(); ++k)
-    add_ahead(candidate.of_first, held_out.y[k], held_out.u[k], horizon, stride, ahead);
-  candidate.control = ahead.y.empty() ? kNan : mean_fit(ahead.y, ahead.predicted);
 }
 
 }  // namespace identikal

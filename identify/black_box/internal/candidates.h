@@ -1,4 +1,4 @@
-// Which models of which orders are there to choose from, and how well does each do on rows it has not seen?
+// Which models of which orders are there to choose from?
 #pragma once
 
 #include <limits>
@@ -22,8 +22,7 @@ struct SubspaceStart {
   Realisation states;
 };
 
-inline constexpr double kLargestPole = 0.9999;     ///< of stable models
-inline constexpr Eigen::Index kRowsForState = 50;  ///< that a first state is taken from
+inline constexpr double kLargestPole = 0.9999;  ///< of stable models
 
 /// Rows that the predictor looks back: as many as recordings of this length and with these gaps determine.
 /// @throws InputError for recordings too short for any
@@ -69,18 +68,6 @@ InnovationForm fitted(const SubspaceStart& start, const ScaledRecordings& record
 /// Fills sigma, log-likelihood and the criteria of order by the predictions of the rows that it was fitted to.
 void judge_on_fitted(BlackBoxCandidate& candidate, const ScaledRecordings& recordings,
                      const LaggedProducts& sums);
-/// Fills the fits of rows that were not seen by the model of the first rows, mean over outputs, and whether they are luck;
-/// takes it as that.
-void judge_on_held_out(BlackBoxCandidate& candidate, const SplitRecordings& parts);
-/// Fills `control`: of the outputs 1 to `horizon` rows ahead together, inputs known, from at most 2000 places.
-void judge_for_control(BlackBoxCandidate& candidate, const ScaledRecordings& held_out,
-                       Eigen::Index horizon);
-
-/// What is to be taken off the outputs for innovations without a mean; zero where predictions follow any level, as those
-/// of an integrator do.
-Eigen::VectorXd level_of(const InnovationForm& model, const ScaledRecordings& recordings,
-                         Eigen::Index lags);
-
 /// Covariance of the one-step prediction errors, p x p, row by row behind as many first rows of each recording as the
 /// sums have lags; of the first 200 000 rows where there are more, or by the sums where the predictor forgets within
 /// their lags.

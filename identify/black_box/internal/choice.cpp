@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/black_box/internal/held_out_fit.h"
 #include "lib/base/error.h"
 
 namespace identikal {
@@ -145,7 +146,9 @@ std::size_t choose_stable(ModelSearch& search, std::vector<BlackBoxCandidate>& a
   const bool settled = all[least_bic(all)].order < all.back().order;
   if (search.purpose == BlackBoxPurpose::automatic && settled) {
     refine_likeliest(search, all, 0);
-    const bool simulates_as_well = all.back().simulation > all[simulator].simulation - kSameFit;
+    const bool is_close = all.back().simulation > all[simulator].simulation - kSameFit;
+    const bool simulates_as_well =
+        is_close || !simulates_worse(all.back(), all[simulator], search.parts.rest);
     if (simulates_as_well && !overfits(all)) return all.size() - 1;
     if (all.back().order == all[simulator].order) return by_output_error(search, all, simulator);
   }

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/black_box/internal/characteristics.h"
+#include "identify/black_box/internal/held_out_fit.h"
 #include "identify/black_box/internal/polynomial_fit.h"
 #include "lib/base/error.h"
 

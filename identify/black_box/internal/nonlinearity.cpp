@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "identify/black_box/internal/candidates.h"
+#include "identify/black_box/internal/predictor_memory.h"
 #include "identify/estimate/distribution.h"
 #include "lib/statistics/long_run_covariance.h"
 

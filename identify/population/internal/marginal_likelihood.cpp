@@ -17,7 +17,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDifference = 1e-3;  // of a standard error
+constexpr double kStepInErrors = 1e-3;  // of a standard error
 constexpr double kSmallestSpread =
     1e-5;  // of where it began: numbers that divide by it stay finite
 constexpr int kMostTurns = 60, kHalvings = 30;
@@ -288,7 +288,7 @@ bool MarginalLikelihood::along_shared(const std::vector<Index>& turn, Along& out
   for (const Index k : turn) {
     const double J = here_.shared(k, k);
     const double step =
-        J > 0.0 ? kDifference / std::sqrt(J) : kDifference * (1.0 + std::abs(theta_[k]));
+        J > 0.0 ? kStepInErrors / std::sqrt(J) : kStepInErrors * (1.0 + std::abs(theta_[k]));
     above[k] = std::min(theta_[k] + step, upper_[k]);
     below[k] = std::max(theta_[k] - step, lower_[k]);
     if (const Index unit = unit_of_shared_[static_cast<std::size_t>(k)]; unit >= 0) {
@@ -307,7 +307,7 @@ bool MarginalLikelihood::along_effect(Index j, Along& out) {
   for (Index i = 0; i < U_; ++i) {
     const double J = here_.effects[static_cast<std::size_t>(i)](j, j);
     const double prior = L_.row(j).squaredNorm();
-    const double step = kDifference / std::sqrt(std::max(J, 0.0) + 1.0 / prior);
+    const double step = kStepInErrors / std::sqrt(std::max(J, 0.0) + 1.0 / prior);
     above(j, i) += step;
     below(j, i) -= step;
     width[i] = above(j, i) - below(j, i);

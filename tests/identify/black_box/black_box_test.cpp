@@ -13,6 +13,7 @@
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
+#include "identify/black_box/internal/held_out_fit.h"
 #include "identify/colour/shaped_model.h"
 #include "identify/filter/pictures.h"
 #include "identify/model/builder.h"
@@ -685,6 +686,40 @@ TEST(BlackBox, SpectralAnalysisOpensItsWindowAtAResonance) {
   }
   EXPECT_LT(worst / highest, 0.15);
   std::printf("largest error of the gain %.3f of the peak\n", worst / highest);
+}
+
+// y(t) = gain(t) u(t - 1), once with a gain that is closer to the second model's in one tenth of the rows alone, once in all of
+// them; the second simulates better in both.
+TEST(BlackBox, OneOfManyPartsDoesNotSayThatASimulationIsBetter) {
+  constexpr Index kRows = 1000;
+  const auto candidate = [](double gain) {
+    BlackBoxCandidate out;
+    out.of_first = {MatrixXd::Zero(1, 1), MatrixXd::Ones(1, 1), MatrixXd::Constant(1, 1, gain),
+                    MatrixXd::Zero(1, 1), MatrixXd::Zero(1, 1), MatrixXd::Ones(1, 1)};
+    return out;
+  };
+  const auto of_gains = [&](double first_tenth, double others) {
+    Random random(3);
+    SplitRecordings parts;
+    parts.rest.u = {MatrixXd(1, kRows)};
+    parts.rest.y = {MatrixXd::Zero(1, kRows)};
+    for (Index t = 0; t < kRows; ++t) {
+      parts.rest.u[0](0, t) = random.normal();
+      if (t == 0) continue;
+      const double gain = t < kRows / 10 ? first_tenth : others;
+      parts.rest.y[0](0, t) = gain * parts.rest.u[0](0, t - 1);
+    }
+    parts.first = parts.rest;
+    BlackBoxCandidate one = candidate(1.0), other = candidate(1.1);
+    for (BlackBoxCandidate* each : {&one, &other}) {
+      each->model = each->of_first;
+      judge_on_held_out(*each, parts);
+    }
+    EXPECT_LT(one.simulation, other.simulation);
+    return simulates_worse(one, other, parts.rest);
+  };
+  EXPECT_FALSE(of_gains(1.3, 1.04));
+  EXPECT_TRUE(of_gains(1.08, 1.08));
 }
 
 }  // namespace
