@@ -50,12 +50,14 @@ bool increasing(const Column& column, const std::vector<double>& stamps) {
 }
 
 std::string time_text(const Table& table) {
+  std::string other;  // of a column that looks like time and is none
   for (const Column& column : table.columns) {
     if (!looks_like_time(column) || column.values.size() < 2) continue;
     const std::vector<double> stamps = exact_stamps(column);
     if (!increasing(column, stamps)) {
-      if (column.text_cells > 0) continue;
-      return fmt::format("time   '{}' does not increase from row to row\n", column.name);
+      if (column.text_cells > 0 || !other.empty()) continue;
+      other = fmt::format("time   '{}' does not increase from row to row\n", column.name);
+      continue;
     }
     std::vector<double> steps;
     for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
@@ -71,6 +73,7 @@ std::string time_text(const Table& table) {
         column.name, 1.0 / (usual * unit.scale), usual * unit.scale,
         (stamps.back() - stamps.front()) * unit.scale, gaps, uneven);
   }
+  if (!other.empty()) return other;
   return "time   no column looks like time; a model gives the step: time: {kind: discrete, step: "
          "...}\n";
 }
@@ -83,6 +86,9 @@ std::string remark(const Column& column, const Summary& s) {
   std::string out;
   if (s.present > 0 && s.min == s.max)
     out = "constant";
+  else if (column.dates != Dates::none && column.missing == 0)
+    out =
+        fmt::format("{} to {}", date_text(column, 0), date_text(column, column.values.size() - 1));
   else if (s.held > 0.5)
     out = fmt::format("{:.0f} % held samples", 100.0 * s.held);
   if (column.missing > 0)
@@ -93,9 +99,10 @@ std::string remark(const Column& column, const Summary& s) {
 }  // namespace
 
 std::string table_text(const Table& table) {
-  const char* separator = table.separator == '\t'  ? "tab"
-                          : table.separator == ';' ? "semicolon"
-                                                   : "comma";
+  const char* separator = table.blanks              ? "blanks"
+                          : table.separator == '\t' ? "tab"
+                          : table.separator == ';'  ? "semicolon"
+                                                    : "comma";
   std::string out = fmt::format("{}\n", table.path);
   out += fmt::format("rows   {}, columns {}, separated by {}{}{}\n", table.rows,
                      table.columns.size(), separator, table.decimal_comma ? ", decimal comma" : "",

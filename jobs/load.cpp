@@ -24,6 +24,7 @@
 #include "lib/base/error.h"
 #include "lib/base/median.h"
 #include "lib/data/join.h"
+#include "lib/data/row_time.h"
 
 namespace identikal {
 
@@ -220,7 +221,7 @@ Findings check_starts(const Model& model, const std::vector<Dataset>& runs) {
     std::string text;
     void add(const Dataset& run) {
       if (++count > 5) return;
-      text += fmt::format("{}at t = {:.6g} s, {}", count > 1 ? "; " : "", run.time[0], run.begins);
+      text += fmt::format("{}at t = {}, {}", count > 1 ? "; " : "", row_time(run, 0), run.begins);
     }
     std::string in_short() const {
       return count > 5 ? fmt::format("{}; and {} times more", text, count - 5) : text;
@@ -270,6 +271,8 @@ Findings check_step(const Model& model, const Table& table) {
     const Eigen::VectorXd steps = t.tail(t.size() - 1) - t.head(t.size() - 1);
     const double usual = median({steps.begin(), steps.end()});
     if (std::abs(usual - model.time.step) <= 0.01 * model.time.step) continue;
+    constexpr double kDay = 86400.0;
+    if (column.dates != Dates::none && usual >= kDay) continue;  // days and months may count as 1
     return {make_finding(
         FindingCode::step_differs, {},
         fmt::format(

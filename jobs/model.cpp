@@ -17,6 +17,7 @@
 #include "identify/model/builder.h"
 #include "identify/result/file_digest.h"
 #include "lib/base/error.h"
+#include "lib/base/median.h"
 
 namespace identikal {
 namespace {
@@ -64,6 +65,21 @@ std::vector<ChannelSource> channels(const std::vector<std::string>& columns, con
   return out;
 }
 
+// Dates of days on which nothing is recorded are no gaps: of five days a week rows follow each other.
+bool is_usable_time(const Column& column) {
+  if (!looks_like_time(column) || column.text_cells > 0) return false;
+  if (column.dates == Dates::none) return true;
+  const std::vector<double> stamps = exact_stamps(column);
+  std::vector<double> steps;
+  for (std::size_t k = 1; k < stamps.size(); ++k) steps.push_back(stamps[k] - stamps[k - 1]);
+  const double usual = median(steps);
+  const auto even = std::count_if(steps.begin(), steps.end(), [&](double step) {
+    return std::abs(step - usual) < 0.05 * usual;
+  });
+  constexpr double kMostly = 0.9;
+  return static_cast<double>(even) > kMostly * static_cast<double>(steps.size());
+}
+
 // A column of time stamps, --step, or rows one after the other.
 TimeSource time_of(const BlackBoxVerbOptions& given, const Table& table,
                    const std::vector<std::string>& taken) {
@@ -76,7 +92,7 @@ TimeSource time_of(const BlackBoxVerbOptions& given, const Table& table,
   if (time.step > 0.0) return time;
   for (const Column& column : table.columns) {
     const bool is_taken = std::find(taken.begin(), taken.end(), column.name) != taken.end();
-    if (is_taken || !looks_like_time(column) || column.text_cells > 0) continue;
+    if (is_taken || !is_usable_time(column)) continue;
     time.column = column.name;
     time.unit = time_unit(column);
     return time;

@@ -20,6 +20,7 @@
 #include "identify/filter/nonlinear_recordings.h"
 #include "lib/base/constants.h"
 #include "lib/base/median.h"
+#include "lib/data/row_time.h"
 #include "lib/data/units.h"
 #include "lib/filter/gated_innovations.h"
 #include "lib/filter/kalman.h"
@@ -250,7 +251,7 @@ std::string first_times(const std::vector<Dataset>& recordings,
   std::string out;
   for (std::size_t i = 0; i < std::min(kShown, outliers.size()); ++i) {
     const Dataset& data = recordings[outliers[i].recording];
-    out += fmt::format("{}{:.6g} s{}", i > 0 ? ", " : "", data.time[outliers[i].sample],
+    out += fmt::format("{}{}{}", i > 0 ? ", " : "", row_time(data, outliers[i].sample),
                        recordings.size() > 1 ? " of " + data.name : "");
   }
   return out + (outliers.size() > kShown ? ", ..." : "");
@@ -437,7 +438,7 @@ void add_jumps(const Dataset& data, Index row, const Eigen::RowVectorXd& e, Jump
     const double now = data.y(row, t);
     if (std::isnan(now)) continue;
     if (std::abs(std::abs(now - before) - kTurn) < kNear) {
-      if (out.count++ == 0) out.first = fmt::format("{} at {:.6g} s", data.name, data.time[t]);
+      if (out.count++ == 0) out.first = data.name + " at " + row_time(data, t);
       out.taken_for_motion += std::abs(e[t]) > 0.5 * kTurn ? 1 : 0;
     }
     before = now;

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "lib/base/error.h"
+#include "lib/data/row_time.h"
 
 namespace identikal {
 
@@ -95,7 +96,7 @@ void check_inputs(const std::vector<Dataset>& recordings) {
         if (std::isfinite(data.u(i, t))) continue;
         throw InputError(
             {data.name, 0, 0},
-            fmt::format("input '{}' is missing at {:.6g} s", data.inputs[i].name, data.time[t]),
+            fmt::format("input '{}' is missing at {}", data.inputs[i].name, row_time(data, t)),
             "a value in every row", "select rows with --range, or fill the gap");
       }
     }

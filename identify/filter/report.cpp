@@ -20,6 +20,7 @@
 #include "identify/model/matrix_reader.h"
 #include "identify/model/starting_state.h"
 #include "lib/base/error.h"
+#include "lib/data/row_time.h"
 #include "lib/data/units.h"
 #include "lib/filter/steady_state.h"
 #include "lib/statistics/autocorrelation.h"
@@ -364,7 +365,7 @@ Findings check_integration(const Model& model, const ParameterSet& parameters,
       continue;
     }
     largest = steps.largest_change;
-    where = fmt::format("{}: from t = {:.6g} s on", data.name, data.time[steps.sample]);
+    where = fmt::format("{}: from t = {} on", data.name, row_time(data, steps.sample));
   }
   if (where.empty()) {
     const bool own = as_formulas(model).longest_step > 0.0;

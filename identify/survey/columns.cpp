@@ -115,7 +115,7 @@ std::vector<ColumnCandidate> candidates_of(const std::vector<Table>& tables,
   std::vector<ColumnCandidate> out;
   for (std::size_t f = 0; f < tables.size(); ++f) {
     for (const Column& column : tables[f].columns) {
-      if (column.text_cells > 0 || column.name == clocks[f].column ||
+      if (!holds_numbers(column) || column.name == clocks[f].column ||
           column.missing == column.values.size()) {
         continue;
       }
@@ -385,7 +385,7 @@ std::vector<ColumnCandidate> Guess::unnamed_columns() const {
   for (std::size_t f = 0; f < tables_.size(); ++f) {
     if (clocks_[f].time.size() == 0) continue;
     for (const Column& column : tables_[f].columns) {
-      const bool taken = column.text_cells > 0 || column.name == clocks_[f].column ||
+      const bool taken = !holds_numbers(column) || column.name == clocks_[f].column ||
                          std::any_of(candidates_.begin(), candidates_.end(),
                                      [&](const ColumnCandidate& c) { return c.column == &column; });
       if (is_curvature(Words(words_of(column.name)))) continue;

@@ -17,7 +17,9 @@
 #include <utility>
 
 #include "lib/base/constants.h"
+#include "lib/data/internal/blank_separated.h"
 #include "lib/data/internal/csv_cell.h"
+#include "lib/data/internal/date_time.h"
 #include "lib/data/internal/plain_number.h"
 #include "lib/data/internal/quoted_rows.h"
 #include "lib/data/units.h"
@@ -120,10 +122,9 @@ std::vector<std::string_view> last_lines(const char* begin, const char* end) {
   return lines;
 }
 
-// The decimal mark of a number is decided by the first fraction; a comma only counts between
-// semicolons.
+// The decimal mark of a number is decided by the first fraction.
 DecimalMark initial_mark(char separator) {
-  return separator == ';' ? DecimalMark::undecided : DecimalMark::point;
+  return separator == ',' ? DecimalMark::point : DecimalMark::undecided;
 }
 
 bool is_text(const Cell& cell, char separator) {
@@ -434,9 +435,9 @@ void keep_remainder(std::string_view text, std::size_t row, Column& column) {
   column.remainder[row] = *rest;
 }
 
-// Reads a cell of any kind, and notes in the column when it is no number.
+// Reads a cell of any kind, and notes in the column when it is no number, and among the dates what may be one.
 double read_cell(const Line& line, std::size_t& pos, DecimalMark& mark, const Table& table,
-                 Column& column) {
+                 std::size_t row, Column& column, DateColumn& dates) {
   const Cell cell = next_cell(line.text, pos, table.separator);
   const auto at = [&] { return character_position(line.text, cell.offset); };
   if (cell.bad_quote) throw_bad_quote({table.path, line.number, at()}, cell);
@@ -449,9 +450,9 @@ double read_cell(const Line& line, std::size_t& pos, DecimalMark& mark, const Ta
   }
   ++column.missing;
   column.infinite += same_ignoring_case(cell.text, "inf");
-  if (!is_missing(cell.text) && column.text_cells++ == 0) {
-    column.first_text = {line.number, at(), excerpt(cell.text)};
-  }
+  if (is_missing(cell.text)) return kNaN;
+  if (column.text_cells++ == 0) column.first_text = {line.number, at(), excerpt(cell.text)};
+  dates.take(row, cell.text);
   return kNaN;
 }
 
@@ -468,6 +469,7 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
     table.columns[j].values.resize(capacity);
     out[j] = table.columns[j].values.data();
   }
+  std::vector<DateColumn> dates(width);
   DecimalMark mark = initial_mark(separator);
   std::size_t row = 0;
   bool in_run = false;
@@ -522,7 +524,7 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
         }
       }
       auto pos = static_cast<std::size_t>(p - begin);
-      out[j][row] = read_cell(whole_line(), pos, mark, table, table.columns[j]);
+      out[j][row] = read_cell(whole_line(), pos, mark, table, row, table.columns[j], dates[j]);
       if (std::abs(out[j][row]) > kWholeDoubles) {
         auto from = static_cast<std::size_t>(p - begin);
         keep_remainder(next_cell(whole_line().text, from, separator).text, row, table.columns[j]);
@@ -540,9 +542,11 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
   take_blank_lines();
   table.rows = row;
   table.decimal_comma = mark == DecimalMark::comma;
-  for (Column& column : table.columns) {
+  for (std::size_t j = 0; j < width; ++j) {
+    Column& column = table.columns[j];
     column.values.resize(row);
     if (!column.remainder.empty()) column.remainder.resize(row);
+    dates[j].settle(column);
   }
 }
 
@@ -556,86 +560,6 @@ Line first_line_of_rows(const Layout& layout, std::size_t width) {
 }  // namespace
 
 std::string quoted_excerpt(std::string_view text) { return "'" + excerpt(text) + "'"; }
-
-int Table::line_of_row(std::size_t row) const {
-  const auto after =
-      std::upper_bound(line_runs.begin(), line_runs.end(), row,
-                       [](std::size_t r, const LineRun& run) { return r < run.row; });
-  if (after == line_runs.begin()) return 0;
-  const LineRun& run = *std::prev(after);
-  return run.line + static_cast<int>(row - run.row);
-}
-
-Table rows_at(const Table& table, const std::vector<std::size_t>& rows) {
-  const auto taken = [&](const std::vector<double>& values) {
-    std::vector<double> out;
-    out.reserve(rows.size());
-    if (values.empty()) return out;
-    for (const std::size_t row : rows) out.push_back(values[row]);
-    return out;
-  };
-  Table out;
-  out.path = table.path;
-  out.metadata = table.metadata;
-  out.rows = rows.size();
-  out.separator = table.separator;
-  out.decimal_comma = table.decimal_comma;
-  out.has_header = table.has_header;
-  out.header_line = table.header_line;
-  out.unit_line = table.unit_line;
-  for (const Column& column : table.columns) {
-    Column& part = out.columns.emplace_back();
-    part.name = column.name;
-    part.header = column.header;
-    part.unit = column.unit;
-    part.values = taken(column.values);
-    part.remainder = taken(column.remainder);
-    part.missing = static_cast<std::size_t>(std::count_if(part.values.begin(), part.values.end(),
-                                                          [](double x) { return std::isnan(x); }));
-    part.text_cells = column.text_cells;
-    part.infinite = column.infinite;
-    part.first_text = column.first_text;
-  }
-  int next = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const int line = table.line_of_row(rows[i]);
-    if (line != next) out.line_runs.push_back({i, line});
-    next = line + 1;
-  }
-  return out;
-}
-
-Table rows_of(const Table& table, std::size_t first, std::size_t count) {
-  std::vector<std::size_t> rows(count);
-  std::iota(rows.begin(), rows.end(), first);
-  return rows_at(table, rows);
-}
-
-const Column* Table::find(const std::string& name) const {
-  for (const Column& column : columns) {
-    if (column.name == name) return &column;
-  }
-  for (const Column& column : columns) {
-    if (!column.header.empty() && column.header == name) return &column;
-  }
-  const Column* found = nullptr;
-  for (const Column& column : columns) {
-    if (!same_ignoring_case(column.name, name)) continue;
-    if (found != nullptr) return nullptr;
-    found = &column;
-  }
-  if (found != nullptr) return found;
-  std::size_t number = 0;
-  const auto [stop, error] = std::from_chars(name.data(), name.data() + name.size(), number);
-  const bool whole = error == std::errc{} && stop == name.data() + name.size();
-  return whole && number >= 1 && number <= columns.size() ? &columns[number - 1] : nullptr;
-}
-
-std::vector<std::string> Table::column_names() const {
-  std::vector<std::string> names;
-  for (const Column& column : columns) names.push_back(column.name);
-  return names;
-}
 
 std::string read_csv_text(const std::string& path) {
   std::error_code ignored;
@@ -678,12 +602,14 @@ Table parse_csv(std::string bytes, const std::string& path) {
   }
   check_is_text(text, path);
   unquote_rows(text.bytes);
+  const bool blanks = separate_at_blanks(text.bytes);
   const Shape shape = find_shape(last_lines(begin, text.end()));
   const Layout layout = find_layout(text, read_head(begin, text.end(), shape, path), shape);
 
   Table table;
   table.path = path;
   table.separator = shape.separator;
+  table.blanks = blanks;
   table.has_header = layout.header.has_value();
   if (layout.header) table.header_line = layout.header->number;
   if (layout.units) table.unit_line = layout.units->number;

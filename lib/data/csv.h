@@ -18,19 +18,34 @@ struct TextCell {
   std::string text;  ///< UTF-8, cut to 40 characters
 };
 
+/// What a column of dates and times holds.
+enum class Dates {
+  none,      ///< it is no such column
+  instants,  ///< dates, with or without a time of day: `values` are seconds since 1970-01-01 in UTC
+  times_of_day,  ///< hours, minutes and seconds: seconds since the first midnight
+  ambiguous,     ///< 3/4/2024, and nothing says which number is the day: text
+};
+
 struct Column {
   std::string name;    ///< header without its unit; "column_3" when there is none
   std::string header;  ///< the header cell as written; empty when there is none
   std::string unit;    ///< as written in the header or the unit row; empty when none is given
   std::vector<double> values;  ///< as in the file; NaN for an empty cell, nan, NA, null or text
-  /// Of a column with whole numbers beyond 2^53, as nanoseconds since 1970 are: what each value
-  /// lacks of the number as written. Empty for others.
+  /// Of a column with whole numbers beyond 2^53, as nanoseconds since 1970 are, and of dates: what
+  /// each value lacks of the number as written. Empty for others.
   std::vector<double> remainder;
   std::size_t missing = 0;     ///< how many values are NaN
   std::size_t text_cells = 0;  ///< how many cells are neither a number nor missing
   std::size_t infinite = 0;    ///< how many of them are "inf", which a time may be
-  TextCell first_text;         ///< the first of them
+  TextCell first_text;         ///< the first of them, or the first date
+  Dates dates = Dates::none;
+  int months = 0;  ///< of dates that are so many months apart: taken as equally far; else 0
 };
+
+/// Every cell is a number or missing; dates are none.
+inline bool holds_numbers(const Column& column) {
+  return column.text_cells == 0 && column.dates == Dates::none;
+}
 
 struct Table {
   std::string path;
@@ -38,6 +53,7 @@ struct Table {
   std::vector<std::string> metadata;  ///< lines before the header, and '#' comments, as written
   std::size_t rows = 0;
   char separator = ',';
+  bool blanks = false;  ///< columns are separated by blanks alone, which count as a tab
   bool decimal_comma = false;
   bool has_header = false;
   int header_line = 0;  ///< line of the header; 0 when there is none
@@ -59,6 +75,9 @@ struct Table {
   std::vector<LineRun> line_runs;
 };
 
+/// A row of a column of dates or times of day in words: 2024-01-31 12:30:05.25, in UTC; or 12:30:05.
+std::string date_text(const Column& column, std::size_t row);
+
 /// These rows of a table, on their lines of the file.
 Table rows_at(const Table& table, const std::vector<std::size_t>& rows);
 /// Rows [first, first + count).
@@ -67,7 +86,7 @@ Table rows_of(const Table& table, std::size_t first, std::size_t count);
 /// `text` in single quotes and in UTF-8, cut to 40 characters: how a message quotes a file.
 std::string quoted_excerpt(std::string_view text);
 
-/// Reads a comma, semicolon or tab separated file; tests/lib/data/csv_test.cpp shows every form of
+/// Reads a file separated by comma, semicolon, tab, or blanks where there is nothing else between numbers; tests/lib/data/csv_test.cpp shows every form of
 /// header, unit, comment and number that it knows. In short:
 /// - a row has a number in most columns that are numeric at the end of the file. The line of text
 ///   nearest above the first row is the header (`name`, `name [unit]`, `name (unit)` or
@@ -76,7 +95,9 @@ std::string quoted_excerpt(std::string_view text);
 /// - lines that start with '#' are skipped anywhere, and so are blank lines, except below the
 /// header
 ///   of a single column, or its first row: there a blank line is an empty cell.
-/// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text.
+/// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text, but
+///   in a column whose every cell is a date (2024-01-31, 31.01.2024, 31-Jan-2024, 1/31/2024; with
+///   12:30:05.25, pm, Z or +02:00 behind it) or a time of day: those are numbers of seconds.
 /// - a decimal comma is possible where the separator is not the comma; the first fraction decides.
 /// - header, text and metadata are given in UTF-8; a file that is not UTF-8 is taken as Latin-1.
 ///

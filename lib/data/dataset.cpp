@@ -82,13 +82,22 @@ const Column& find_any_column(const Table& table, const std::string& name, const
 
 const Column& find_column(const Table& table, const std::string& name, const Location& at) {
   const Column& column = find_any_column(table, name, at);
-  if (column.text_cells > 0) {
-    const TextCell& text = column.first_text;
-    throw InputError({table.path, text.line, text.column},
-                     quoted_excerpt(text.text) + " in column " + quoted_excerpt(column.name),
-                     "a number");
-  }
-  return column;
+  if (holds_numbers(column)) return column;
+  const TextCell& text = column.first_text;
+  throw InputError(
+      {table.path, text.line, text.column},
+      quoted_excerpt(text.text) + " in column " + quoted_excerpt(column.name), "a number",
+      column.dates == Dates::ambiguous
+          ? "as a date it may be two days: write it as 2024-01-31, or 31-Jan-2024"
+      : column.dates != Dates::none ? "dates are times: 'time: {column: " + column.name + "}'"
+                                    : "");
+}
+
+// Where dates have been made numbers.
+const Column& find_dates_or_numbers(const Table& table, const std::string& name,
+                                    const Location& at) {
+  const Column& column = find_any_column(table, name, at);
+  return column.text_cells > 0 ? find_column(table, name, at) : column;
 }
 
 Unit known_unit(const std::string& text, const Location& at, const std::string& context,
@@ -403,6 +412,7 @@ bool is_time_unit(const std::string& text) {
 }  // namespace
 
 bool looks_like_time(const Column& column) {
+  if (column.dates == Dates::instants || column.dates == Dates::times_of_day) return true;
   const std::vector<std::string> words = words_in(column.name);
   if (words.empty()) return false;
   if (words.front() == "t")
@@ -430,7 +440,7 @@ std::vector<double> exact_stamps(const Column& column) {
 
 Eigen::VectorXd time_stamps(const Table& table, const TimeSource& time) {
   Stamps stamps = read_stamps(table, time);
-  if (stamps.from_first) stamps.values = find_column(table, time.column, time.at).values;
+  if (stamps.from_first) stamps.values = find_dates_or_numbers(table, time.column, time.at).values;
   return stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(
                                  stamps.values.data(), static_cast<Index>(stamps.values.size()));
 }
@@ -461,6 +471,22 @@ std::vector<Table> split_runs(const Table& table, const TimeSource& time) {
   }
   return out;
 }
+
+namespace {
+
+std::string first_stamp_in_words(const Column& column) {
+  const bool is_date = column.dates != Dates::none;
+  std::string out = "time counts from the first stamp, ";
+  out += is_date ? date_text(column, 0)
+                 : std::to_string(static_cast<std::int64_t>(column.values[0]) +
+                                  static_cast<std::int64_t>(column.remainder[0]));
+  if (column.months == 0) return out;
+  const std::string each = column.months == 1 ? "" : std::to_string(column.months) + " ";
+  return out + ", and " + each + (column.months == 1 ? "a month" : "months") +
+         " from row to row, each 30.436875 d";
+}
+
+}  // namespace
 
 Dataset make_dataset(const Table& table, const TimeSource& time,
                      const std::vector<ChannelSource>& inputs,
@@ -526,10 +552,8 @@ Dataset make_dataset(const Table& table, const TimeSource& time,
   const auto n = static_cast<Index>(rows.last - rows.first);
   data.time = stamps.to_seconds * Eigen::Map<const Eigen::VectorXd>(t.data() + rows.first, n);
   if (stamps.from_first) {
-    const Column& column = find_column(table, time.column, time.at);
-    data.notes.push_back(data.name + ": time counts from the first stamp, " +
-                         std::to_string(static_cast<std::int64_t>(column.values[0]) +
-                                        static_cast<std::int64_t>(column.remainder[0])));
+    const Column& column = find_dates_or_numbers(table, time.column, time.at);
+    data.notes.push_back(data.name + ": " + first_stamp_in_words(column));
   }
   const auto read_all = [&](const std::vector<ChannelSource>& sources,
                             std::vector<Channel>& channels) {

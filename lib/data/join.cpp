@@ -109,7 +109,9 @@ void join_columns(const Table& first, const VectorXd& at, const Table& table, st
   for (const Column& column : table.columns) {
     if (&column == stamps) continue;
     Column joined = column;
-    if (column.text_cells == 0) {
+    joined.remainder.clear();
+    joined.dates = Dates::none;
+    if (holds_numbers(column)) {
       const VectorXd x = interpolate_linearly(t, values_of(column), at,
                                               kBridgedPeriods * own_period(t, values_of(column)));
       joined.values.assign(x.begin(), x.end());

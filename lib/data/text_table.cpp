@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "lib/data/internal/blank_separated.h"
 #include "lib/data/internal/csv_cell.h"
 #include "lib/data/internal/quoted_rows.h"
 
@@ -88,6 +89,7 @@ std::vector<std::string> written_cells(std::string_view text, const Table& table
   const auto position = static_cast<std::size_t>(&column - table.columns.data());
   std::string plain(text);
   csv::unquote_rows(plain);
+  csv::separate_at_blanks(plain);
   std::string_view rest = plain;
   std::vector<std::string> out;
   out.reserve(table.rows);

@@ -483,8 +483,8 @@ TEST(Csv, DetectsTheDecimalComma) {
   EXPECT_THAT(semicolon.columns[0].values, values({0, 0.5, 1, 1.5, 2}));
   EXPECT_THAT(semicolon.columns[1].values, values({1, -2.25, 0.5, 1000, 1.5e-3}));
   const Table tab = read("t\ty\n0\t1,5\n1\t2,5\n");
-  EXPECT_FALSE(tab.decimal_comma);
-  EXPECT_EQ(tab.columns[1].first_text.text, "1,5");
+  EXPECT_TRUE(tab.decimal_comma);
+  EXPECT_THAT(tab.columns[1].values, values({1.5, 2.5}));
   EXPECT_FALSE(read("t;y\n0;1.5\n1;2.5\n").decimal_comma);
   EXPECT_FALSE(read("t;y\n0;1\n1;2\n").decimal_comma);
   EXPECT_FALSE(read("t,y\n0,1\n1,2\n").decimal_comma);
@@ -638,6 +638,48 @@ TEST(Csv, BlankLinesOfASingleColumnAreEmptyCells) {
   EXPECT_EQ(one.columns[0].missing, 4u);
   EXPECT_EQ(read("y [m]\n# left\n\n1\n2\n").rows, 3u);
   EXPECT_EQ(read("1\n2\n\n").rows, 3u);
+}
+
+TEST(Csv, BlanksAloneMaySeparateColumns) {
+  const Table table = parse_csv(
+      "a simulated pendulum, at rest\n#  t   speed [km/h]  y\n   0.0  60.1  -1e-3\n   0.1  60.3  "
+      "nan\n  10.2  60.5 "
+      " "
+      "2\r\n",
+      "log.dat");
+  EXPECT_TRUE(table.blanks);
+  EXPECT_THAT(table.column_names(), ElementsAre("t", "speed", "y"));
+  EXPECT_THAT(units(table), ElementsAre("", "km/h", ""));
+  EXPECT_THAT(table.columns[0].values, ElementsAre(0.0, 0.1, 10.2));
+  EXPECT_EQ(table.columns[2].values[0], -1e-3);
+  EXPECT_EQ(table.columns[2].missing, 1u);
+  const Table bare = parse_csv("  1,5 2,5\n 3,5  4,5\n", "log.dat");
+  EXPECT_THAT(bare.columns[1].values, ElementsAre(2.5, 4.5));
+}
+
+// A date and its time of day are one cell, whether they have one name or two.
+TEST(Csv, BlanksBetweenADateAndItsTimeSeparateNothing) {
+  for (const char* header : {"date time y", "when y", "# when y"}) {
+    const Table table = parse_csv(
+        std::string(header) + "\n2024-01-31 12:00:00 1.5\n2024-01-31 12:00:10 1.6\n", "log.dat");
+    ASSERT_EQ(table.columns.size(), 2u) << header;
+    EXPECT_EQ(table.columns[0].dates, Dates::instants) << header;
+    EXPECT_EQ(table.columns[0].values[1] - table.columns[0].values[0], 10.0) << header;
+    EXPECT_EQ(table.columns[1].name, "y");
+  }
+}
+
+TEST(Csv, BlanksSeparateNothingBesideASeparator) {
+  EXPECT_THAT(parse_csv("a, b\n1, 2\n3, 4\n", "log.csv").columns[1].values, ElementsAre(2.0, 4.0));
+  const Table tabs = parse_csv("a\tb\tc\n1\t\t2\n3\t\t4\n", "log.csv");
+  EXPECT_EQ(tabs.columns.size(), 3u);
+  const Table dates = parse_csv("t,y\n2024-01-31 12:00:00,15\n2024-01-31 12:00:10,16\n", "log.csv");
+  EXPECT_THAT(dates.columns[1].values, ElementsAre(15.0, 16.0));
+}
+
+TEST(Csv, ARaggedRowOfBlanksIsNamedAtItsPlace) {
+  EXPECT_EQ(message_of("t  y\n0.0  1\n0.1  \n0.2  3\n0.3  4\n0.4  5\n0.5  6\n"),
+            "F:3:4: row has 1 cell, the header has 2; expected as many cells in each row");
 }
 
 TEST(Csv, ManyBlankLinesNeedNoMemory) {
@@ -894,14 +936,16 @@ TEST(Csv, ReadsTheReferenceRecordings) {
     SCOPED_TRACE(c.file);
     const Table table = read_csv(shared_file(c.file));
     EXPECT_THAT(table.column_names(), ElementsAreArray(c.names));
-    const std::vector<std::string> none(c.names.size());
+    std::vector<std::string> none;
+    for (const Column& column : table.columns)
+      none.push_back(column.dates == Dates::none ? "" : "s");
     EXPECT_THAT(units(table), ElementsAreArray(c.units.empty() ? none : c.units));
     ASSERT_EQ(table.rows, c.rows);
     EXPECT_EQ(table.columns[c.probe].values.front(), c.first);
     EXPECT_EQ(table.columns[c.probe].values.back(), c.last);
     for (const Column& column : table.columns) {
-      const bool text = column.name == "run" || column.name == "INSTimestamp_ADMA";
-      EXPECT_EQ(column.missing, text ? table.rows : 0u) << column.name;
+      EXPECT_EQ(column.missing, column.name == "run" ? table.rows : 0u) << column.name;
+      EXPECT_EQ(column.dates != Dates::none, column.name == "INSTimestamp_ADMA") << column.name;
     }
   }
 }

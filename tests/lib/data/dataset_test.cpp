@@ -14,6 +14,7 @@
 
 #include "lib/base/constants.h"
 #include "lib/data/csv.h"
+#include "lib/data/row_time.h"
 #include "tests/support/shared_data.h"
 
 namespace identikal {
@@ -580,6 +581,15 @@ TEST(AbsentRows, OfAGridFinerThanTheMedian) {
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find("'step: 0.1 s'"), std::string::npos) << error.what();
   }
+}
+
+TEST(Dataset, TheTimeOfARowIsToldFromThatOfTheNext) {
+  Dataset data;
+  data.dt = 0.02;
+  data.time.setLinSpaced(3, 262929.0, 262929.04);
+  EXPECT_EQ(row_time(data, 1), "262929.02 s");
+  data.time = data.time.array() - 262929.0;
+  EXPECT_EQ(row_time(data, 2), "0.04 s");
 }
 
 }  // namespace

@@ -1,0 +1,129 @@
+#include "lib/data/internal/blank_separated.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <string_view>
+#include <vector>
+
+#include "lib/data/internal/csv_cell.h"
+#include "lib/data/internal/date_time.h"
+
+namespace identikal::csv {
+namespace {
+
+constexpr std::size_t kRowsLooked = 20;  // lines at the end that show what the file is like
+
+bool is_comment(std::string_view line) {
+  const std::size_t first = line.find_first_not_of(' ');
+  return first != std::string_view::npos && line[first] == '#';
+}
+
+std::vector<std::string_view> words_of(std::string_view line) {
+  std::vector<std::string_view> out;
+  for (std::size_t at = 0; (at = line.find_first_not_of(" \r", at)) != std::string_view::npos;) {
+    const std::size_t end = std::min(line.find_first_of(" \r", at), line.size());
+    out.push_back(line.substr(at, end - at));
+    at = end;
+  }
+  return out;
+}
+
+bool is_number(std::string_view word) {
+  return is_missing(word) || parse_number(word, DecimalMark::undecided);
+}
+bool is_time(std::string_view word) {
+  return word.find(',') == std::string_view::npos && written_time(word);
+}
+bool is_date(std::string_view word) { return is_time(word) && written_time(word)->has_day; }
+
+// With a date that has its time of day behind it as one.
+std::vector<std::string_view> cells_of(std::string_view line) {
+  std::vector<std::string_view> out;
+  for (const std::string_view word : words_of(line)) {
+    const bool goes_on = !out.empty() && is_date(out.back()) && is_time(word) && !is_date(word);
+    if (!goes_on) {
+      out.push_back(word);
+      continue;
+    }
+    const char* const begin = out.back().data();
+    out.back() = {begin, static_cast<std::size_t>(word.data() + word.size() - begin)};
+  }
+  return out;
+}
+
+// Names: a word in brackets is a unit, and belongs to the name before it.
+std::vector<std::string_view> names_of(std::string_view line) {
+  std::vector<std::string_view> out;
+  for (const std::string_view word : words_of(line)) {
+    const bool is_unit = !out.empty() && (word.front() == '[' || word.front() == '(');
+    if (!is_unit) out.push_back(word);
+  }
+  return out;
+}
+
+std::vector<std::string_view> last_rows(std::string_view text) {
+  std::vector<std::string_view> out;
+  while (!text.empty() && out.size() < kRowsLooked) {
+    if (text.ends_with('\n')) text.remove_suffix(1);
+    const std::size_t before = text.rfind('\n');
+    const std::size_t begin = before == std::string_view::npos ? 0 : before + 1;
+    const std::string_view line = text.substr(begin);
+    if (!is_comment(line) && !words_of(line).empty()) out.push_back(line);
+    text = text.substr(0, begin);
+  }
+  // In a short file the header is among them: keep the later half.
+  if (text.empty() && out.size() < kRowsLooked) out.resize((out.size() + 1) / 2);
+  return out;
+}
+
+bool are_numbers_and_dates(std::string_view line) {
+  if (line.find_first_of("\t;\"") != std::string_view::npos) return false;
+  return std::ranges::all_of(words_of(line), [](auto w) { return is_number(w) || is_time(w); });
+}
+
+void put_tabs(const std::vector<std::string_view>& cells, std::string& text) {
+  for (std::size_t k = 1; k < cells.size(); ++k)
+    text[static_cast<std::size_t>(cells[k].data() - text.data()) - 1] = '\t';
+}
+
+// The names above columns of which one is a date and a time of day, each with a name of its own: "date time" is one.
+std::vector<std::string_view> joined_as(std::string_view row, std::vector<std::string_view> names) {
+  const std::vector<std::string_view> words = words_of(row), cells = cells_of(row);
+  if (names.size() != words.size()) return names;
+  std::vector<std::string_view> out;
+  std::size_t cell = 0;
+  for (std::size_t k = 0; k < words.size(); ++k) {
+    if (cell == cells.size() || words[k].data() != cells[cell].data()) continue;
+    out.push_back(names[k]);
+    ++cell;
+  }
+  return out;
+}
+
+}  // namespace
+
+bool separate_at_blanks(std::string& text) {
+  const std::vector<std::string_view> rows = last_rows(text);
+  const std::size_t width = rows.empty() ? 0 : cells_of(rows.front()).size();
+  if (width < 2) return false;
+  const bool is_so = std::ranges::all_of(rows, [&](std::string_view line) {
+    return cells_of(line).size() == width && are_numbers_and_dates(line);
+  });
+  if (!is_so) return false;
+  const std::string a_row(rows.front());
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    std::string_view line(text.data() + begin, end - begin);
+    if (is_comment(line)) line.remove_prefix(line.find('#') + 1);
+    const std::vector<std::string_view> names = joined_as(a_row, names_of(line));
+    if (names.size() == width) {
+      put_tabs(names, text);
+    } else if (are_numbers_and_dates(line)) {
+      put_tabs(cells_of(line), text);
+    }
+    begin = end + 1;
+  }
+  return true;
+}
+
+}  // namespace identikal::csv
