@@ -94,7 +94,7 @@ bool is_blank_text(std::string_view text) {
 
 bool is_comment(std::string_view line) {
   const std::size_t first = line.find_first_not_of(" \t");
-  return first != std::string_view::npos && line[first] == '#';
+  return first != std::string_view::npos && is_comment_sign(line[first]);
 }
 
 // --- Layout: which line is the header, and where do the rows begin? ---
@@ -263,7 +263,7 @@ void take_header_from_comments(Text& text, const Head& head, const HeadLine& fir
                                       [&](const Line& c) { return c.number == number; });
     std::vector<Cell> cells;
     if (comment == head.comments.end()) return std::pair{Line{}, cells};
-    const std::size_t sign = comment->text.find('#');
+    const std::size_t sign = comment->text.find_first_of(kCommentSigns);
     cells = split(comment->text.substr(sign + 1), shape.separator);
     // One column: a name is one word, anything longer is a remark.
     const std::string_view name = cells[0].text;
@@ -284,7 +284,7 @@ void take_header_from_comments(Text& text, const Head& head, const HeadLine& fir
   // With the sign blanked they are header lines like any other.
   for (const std::optional<Line>& line : {layout.header, layout.units}) {
     if (!line) continue;
-    const std::size_t sign = line->text.find('#');
+    const std::size_t sign = line->text.find_first_of(kCommentSigns);
     text.bytes[static_cast<std::size_t>(line->text.data() - text.begin()) + sign] = ' ';
   }
 }
@@ -486,7 +486,7 @@ void read_rows(const char* p, const char* end, int number, std::size_t widest, T
   for (; p != end; ++number) {
     const char* const begin = p;
     while (is_blank(*p, separator)) ++p;
-    if (*p == '\n' || *p == '#') {
+    if (*p == '\n' || is_comment_sign(*p)) {
       blank_lines += *p == '\n' ? 1 : 0;
       const std::string_view line = next_line(p, end);
       if (!line.empty()) table.metadata.push_back(to_utf8(trim(line, '\0')));

@@ -50,7 +50,7 @@ inline bool holds_numbers(const Column& column) {
 struct Table {
   std::string path;
   std::vector<Column> columns;
-  std::vector<std::string> metadata;  ///< lines before the header, and '#' comments, as written
+  std::vector<std::string> metadata;  ///< lines before the header, and comments, as written
   std::size_t rows = 0;
   char separator = ',';
   bool blanks = false;  ///< columns are separated by blanks alone, which count as a tab
@@ -90,9 +90,9 @@ std::string quoted_excerpt(std::string_view text);
 /// header, unit, comment and number that it knows. In short:
 /// - a row has a number in most columns that are numeric at the end of the file. The line of text
 ///   nearest above the first row is the header (`name`, `name [unit]`, `name (unit)` or
-///   `"NAME, unit"`), or the unit row below it; what stands before is metadata. Without one, a '#'
+///   `"NAME, unit"`), or the unit row below it; what stands before is metadata. Without one, a '#' or '%'
 ///   line directly above the first row with as many fields is the header.
-/// - lines that start with '#' are skipped anywhere, and so are blank lines, except below the
+/// - lines that start with '#' or '%' are skipped anywhere, and so are blank lines, except below the
 /// header
 ///   of a single column, or its first row: there a blank line is an empty cell.
 /// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text, but

@@ -198,8 +198,9 @@ InnovationForm model_of(const InnovationForm& predictor, const MatrixXd& L, Inno
 }
 
 // The least squares of the predictions row by row, weighed by the inverse of their covariance V here, each recording from
-// the first state that is best for it: of a predictor that does not forget within any number of rows.
-// @return the start where outputs are missing, which the predictor is driven by, and where the rows are too many
+// the first state that is best for it: of a predictor that does not forget within any number of rows. Of as many first rows
+// as are worth their time.
+// @return the start where outputs are missing, which the predictor is driven by, and where those are too few
 InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordings& recordings,
                                 const MatrixXd& V, double largest_pole) {
   const Eigen::LLT<MatrixXd> factor(V);
@@ -209,13 +210,17 @@ InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordin
   const MatrixXd all = simulation_coordinates(start);
   const MatrixXd directions = all.leftCols(all.cols() - V.size());  // the last: of outputs, zero
   const auto n = static_cast<double>(from.states()), d = static_cast<double>(directions.cols());
-  constexpr double kShare = 0.2;  // several evaluations are worth it, on few rows
-  if (d * (2.0 * n * n + d) * static_cast<double>(recordings.rows()) > kShare * kWork) return from;
+  constexpr double kShare = 0.2;  // of the work of an evaluation: it takes several
+  constexpr double kFewest =
+      0.25;  // of the rows: fewer tell less than is lost by what is forgotten
+  const double affordable_rows = kShare * kWork / (d * (2.0 * n * n + d));
+  if (affordable_rows < kFewest * static_cast<double>(recordings.rows())) return from;
+  const ScaledRecordings enough = first_rows(recordings, static_cast<Index>(affordable_rows));
   std::vector<MatrixXd> y, driven_by;
-  for (std::size_t k = 0; k < recordings.y.size(); ++k) {
-    if (!recordings.y[k].allFinite()) return from;
-    y.push_back(W * recordings.y[k]);
-    driven_by.push_back(driving(recordings.y[k], recordings.u[k]));
+  for (std::size_t k = 0; k < enough.y.size(); ++k) {
+    if (!enough.y[k].allFinite()) return from;
+    y.push_back(W * enough.y[k]);
+    driven_by.push_back(driving(enough.y[k], enough.u[k]));
   }
   const auto is_allowed = [&](const InnovationForm& predictor) {
     return spectral_radius(predictor.A) < 1.0 &&

@@ -15,7 +15,7 @@ constexpr std::size_t kRowsLooked = 20;  // lines at the end that show what the 
 
 bool is_comment(std::string_view line) {
   const std::size_t first = line.find_first_not_of(' ');
-  return first != std::string_view::npos && line[first] == '#';
+  return first != std::string_view::npos && is_comment_sign(line[first]);
 }
 
 std::vector<std::string_view> words_of(std::string_view line) {
@@ -28,7 +28,9 @@ std::vector<std::string_view> words_of(std::string_view line) {
   return out;
 }
 
+// A comma behind it would be a separator.
 bool is_number(std::string_view word) {
+  if (word.ends_with(',')) return false;
   return is_missing(word) || parse_number(word, DecimalMark::undecided);
 }
 bool is_time(std::string_view word) {
@@ -111,17 +113,22 @@ bool separate_at_blanks(std::string& text) {
   });
   if (!is_so) return false;
   const std::string a_row(rows.front());
+  bool is_below_header = false;
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
     std::string_view line(text.data() + begin, end - begin);
-    if (is_comment(line)) line.remove_prefix(line.find('#') + 1);
-    const std::vector<std::string_view> names = joined_as(a_row, names_of(line));
-    if (names.size() == width) {
-      put_tabs(names, text);
-    } else if (are_numbers_and_dates(line)) {
-      put_tabs(cells_of(line), text);
-    }
     begin = end + 1;
+    const bool comments = is_comment(line);
+    if (comments && is_below_header) continue;
+    if (comments) line.remove_prefix(line.find_first_of(kCommentSigns) + 1);
+    const std::vector<std::string_view> names = joined_as(a_row, names_of(line));
+    const bool is_row = are_numbers_and_dates(line) && !names.empty();
+    is_below_header = is_below_header || (is_row && !comments);
+    if (is_row) {
+      put_tabs(cells_of(line), text);
+    } else if (names.size() == width) {
+      put_tabs(names, text);
+    }
   }
   return true;
 }

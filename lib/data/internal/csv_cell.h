@@ -12,6 +12,9 @@
 namespace identikal::csv {
 
 inline constexpr std::size_t kMaxColumns = 10000;
+inline constexpr std::string_view kCommentSigns = "#%";  // of shells, and of MATLAB
+
+inline bool is_comment_sign(char c) { return kCommentSigns.find(c) != std::string_view::npos; }
 
 /// The text itself when it is UTF-8, else read as Latin-1: measuring programs on Windows write a
 /// degree sign so.

@@ -6,6 +6,7 @@
 #include <complex>
 #include <cstdio>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <utility>
@@ -720,6 +721,33 @@ TEST(BlackBox, OneOfManyPartsDoesNotSayThatASimulationIsBetter) {
   };
   EXPECT_FALSE(of_gains(1.3, 1.04));
   EXPECT_TRUE(of_gains(1.08, 1.08));
+}
+
+// A - K C = diag(0.97, 0.6, -0.3): what the predictor looks back on lies far behind the lags. The likeliest model is likelier
+// than the true one, by half of the number of its parameters on average.
+TEST(BlackBox, LongMemoryIsRefinedOnLongRecordingsToo) {
+  constexpr Index kRows = 40000;
+  constexpr double kNoise = 0.3;
+  const Eigen::RowVector3d C(1.0, 1.0, -0.7);
+  const Eigen::Vector3d K(-0.02, 0.2, -0.2), B(0.5, -1.0, 0.8);
+  const Eigen::Matrix3d A = Eigen::Vector3d(0.97, 0.6, -0.3).asDiagonal().toDenseMatrix() + K * C;
+  Random random(1);
+  Record record{VectorXd(kRows), VectorXd(kRows)};
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  double truth = -0.5 * kRows * std::log(2.0 * std::numbers::pi * kNoise * kNoise);
+  for (Index t = 0; t < kRows; ++t) {
+    record.u[t] = random.normal();
+    const double e = random.normal();
+    truth -= 0.5 * e * e;
+    record.y[t] = C * x + kNoise * e;
+    x = (A * x + B * record.u[t] + K * kNoise * e).eval();
+  }
+  const BlackBoxResult result =
+      found(record, {.least_order = 3, .most_order = 3, .purpose = BlackBoxPurpose::prediction});
+  const double gain = result.estimate.objective.log_likelihood - truth;
+  EXPECT_GT(gain, 0.0);
+  EXPECT_LT(gain, 20.0);
+  std::printf("log-likelihood %.1f above that of the true model\n", gain);
 }
 
 }  // namespace

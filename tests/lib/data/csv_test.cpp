@@ -640,6 +640,15 @@ TEST(Csv, BlankLinesOfASingleColumnAreEmptyCells) {
   EXPECT_EQ(read("1\n2\n\n").rows, 3u);
 }
 
+TEST(Csv, APercentSignBeginsACommentAsInMatlab) {
+  const Table table =
+      parse_csv("% made by a solver\n% t, y [m]\n0, 1\n% half way\n1, 2\n", "a.csv");
+  EXPECT_THAT(table.column_names(), ElementsAre("t", "y"));
+  EXPECT_EQ(table.columns[1].unit, "m");
+  EXPECT_THAT(table.columns[1].values, ElementsAre(1.0, 2.0));
+  EXPECT_THAT(table.metadata, ElementsAre("% made by a solver", "% half way"));
+}
+
 TEST(Csv, BlanksAloneMaySeparateColumns) {
   const Table table = parse_csv(
       "a simulated pendulum, at rest\n#  t   speed [km/h]  y\n   0.0  60.1  -1e-3\n   0.1  60.3  "
@@ -671,6 +680,7 @@ TEST(Csv, BlanksBetweenADateAndItsTimeSeparateNothing) {
 
 TEST(Csv, BlanksSeparateNothingBesideASeparator) {
   EXPECT_THAT(parse_csv("a, b\n1, 2\n3, 4\n", "log.csv").columns[1].values, ElementsAre(2.0, 4.0));
+  EXPECT_FALSE(parse_csv("a, b\n1, 2\n3, 4\n", "log.csv").blanks);
   const Table tabs = parse_csv("a\tb\tc\n1\t\t2\n3\t\t4\n", "log.csv");
   EXPECT_EQ(tabs.columns.size(), 3u);
   const Table dates = parse_csv("t,y\n2024-01-31 12:00:00,15\n2024-01-31 12:00:10,16\n", "log.csv");
