@@ -224,17 +224,19 @@ Stamps read_stamps(const Table& table, const TimeSource& source) {
   const std::size_t at_rest = take_rest(table, column, t);
   for (std::size_t row = 0; row < t.size(); ++row) {
     const Location at{table.path, table.line_of_row(row)};
-    const auto stamp = [&](double value) { return number(value) + " " + unit.text; };
+    const auto stamp = [&](std::size_t k) {
+      return column.dates == Dates::none ? number(t[k]) + " " + unit.text : date_text(column, k);
+    };
     if (std::isnan(t[row])) {
       throw InputError(at, "no time stamp in column " + quoted_excerpt(column.name), "a number");
     }
     if (row == 0 || t[row] > t[row - 1]) continue;
     if (t[row] == t[row - 1] && source.replicates) continue;
     if (t[row] == t[row - 1]) {
-      throw InputError(at, "time " + stamp(t[row]) + " is a duplicate", "increasing time stamps",
+      throw InputError(at, "time " + stamp(row) + " is a duplicate", "increasing time stamps",
                        "remove one of the two rows");
     }
-    throw InputError(at, "time goes back from " + stamp(t[row - 1]) + " to " + stamp(t[row]),
+    throw InputError(at, "time goes back from " + stamp(row - 1) + " to " + stamp(row),
                      "increasing time stamps",
                      "recordings joined end to end: 'runs: restart' under 'time' in the model file "
                      "makes each a separate run");

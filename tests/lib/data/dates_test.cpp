@@ -110,6 +110,17 @@ TEST(Dates, SayWhereTheDayMayBeTheMonth) {
   }
 }
 
+TEST(Dates, ThatGoBackAreNamedAsTheyAreWritten) {
+  const Table table = of_times({"2024-01-31 12:00:00", "2024-01-31 12:00:01", "2024-01-31 11:00"});
+  try {
+    measured(table, "t", "y");
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("log.csv:4: time goes back from 2024-01-31 12:00:01 to "
+                                        "2024-01-31 11:00:00"));
+  }
+}
+
 TEST(Dates, OneCellOfAnotherKindMakesAColumnText) {
   for (const char* other : {"yesterday", "17", "12:00:00"}) {
     const Table table = of_times({"2024-01-31", "2024-02-01", other});
