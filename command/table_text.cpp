@@ -86,9 +86,10 @@ std::string remark(const Column& column, const Summary& s) {
   std::string out;
   if (s.present > 0 && s.min == s.max)
     out = "constant";
+  else if (column.months > 0)
+    out = "months from " + date_text(column, 0) + " on";
   else if (column.dates != Dates::none && column.missing == 0)
-    out =
-        fmt::format("{} to {}", date_text(column, 0), date_text(column, column.values.size() - 1));
+    out = date_text(column, 0) + " to " + date_text(column, column.values.size() - 1);
   else if (s.held > 0.5)
     out = fmt::format("{:.0f} % held samples", 100.0 * s.held);
   if (column.missing > 0)

@@ -75,7 +75,8 @@ struct Table {
   std::vector<LineRun> line_runs;
 };
 
-/// A row of a column of dates or times of day in words: 2024-01-31 12:30:05.25, in UTC; or 12:30:05.
+/// A row of a column of dates or times of day in words: 2024-01-31 12:30:05.25, in UTC; or
+/// 12:30:05. Of months the first alone is the date as written: they are equally long.
 std::string date_text(const Column& column, std::size_t row);
 
 /// These rows of a table, on their lines of the file.
@@ -86,18 +87,18 @@ Table rows_of(const Table& table, std::size_t first, std::size_t count);
 /// `text` in single quotes and in UTF-8, cut to 40 characters: how a message quotes a file.
 std::string quoted_excerpt(std::string_view text);
 
-/// Reads a file separated by comma, semicolon, tab, or blanks where there is nothing else between numbers; tests/lib/data/csv_test.cpp shows every form of
-/// header, unit, comment and number that it knows. In short:
+/// Reads a file separated by comma, semicolon, tab, or blanks where there is nothing else between
+/// numbers; tests/lib/data/csv_test.cpp shows every form of header, unit, comment and number that it
+/// knows. In short:
 /// - a row has a number in most columns that are numeric at the end of the file. The line of text
 ///   nearest above the first row is the header (`name`, `name [unit]`, `name (unit)` or
-///   `"NAME, unit"`), or the unit row below it; what stands before is metadata. Without one, a '#' or '%'
-///   line directly above the first row with as many fields is the header.
-/// - lines that start with '#' or '%' are skipped anywhere, and so are blank lines, except below the
-/// header
-///   of a single column, or its first row: there a blank line is an empty cell.
-/// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text, but
-///   in a column whose every cell is a date (2024-01-31, 31.01.2024, 31-Jan-2024, 1/31/2024; with
-///   12:30:05.25, pm, Z or +02:00 behind it) or a time of day: those are numbers of seconds.
+///   `"NAME, unit"`), or the unit row below it; what stands before is metadata. Without one, a '#'
+///   or '%' line directly above the first row with as many fields is the header.
+/// - lines that start with '#' or '%' are skipped anywhere, and so are blank lines, except below
+///   the header of a single column, or its first row: there a blank line is an empty cell.
+/// - an empty cell, nan, NA or null is missing; anything else that is not a finite number is text,
+///   but in a column whose every cell is a date (2024-01-31, 31.01.2024, 31-Jan-2024, 1/31/2024;
+///   with 12:30:05.25, pm, Z or +02:00 behind it) or a time of day: those are numbers of seconds.
 /// - a decimal comma is possible where the separator is not the comma; the first fraction decides.
 /// - header, text and metadata are given in UTF-8; a file that is not UTF-8 is taken as Latin-1.
 ///

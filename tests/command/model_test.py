@@ -1,6 +1,10 @@
 """model: a linear model from recordings alone."""
+import datetime
 import json
+import math
+import pathlib
 import random
+import tempfile
 import unittest
 
 from program import SHARED, Folder, result, run
@@ -25,6 +29,17 @@ OF_MOTOR = "--input", "voltage", "--output", "speed"
 
 
 class Model(unittest.TestCase):
+    def test_days_of_the_week_follow_each_other(self):
+        """Dates are the time where rows are equally far apart; of five days a week they are not, and rows count."""
+        with tempfile.TemporaryDirectory() as folder:
+            data, model = pathlib.Path(folder, "log.csv"), pathlib.Path(folder, "model.yaml")
+            for days, column in ((range(7), 'column: "date"'), (range(5), "step: 1")):
+                dates = [datetime.date(2024, 1, 1) + datetime.timedelta(k) for k in range(400)]
+                used = [each for each in dates if each.weekday() in days]
+                data.write_text("date,y\n" + "".join(f"{each},{math.sin(0.7 * k) + 0.1 * (k * k % 7)}\n" for k, each in enumerate(used)))
+                run("model", data, "--output", "y", "--order", "1:3", "-o", model)
+                self.assertIn(column, model.read_text())
+
     def test_a_known_motor_is_found_with_its_noise(self):
         with Folder() as made:
             log = made.write("motor.csv", table(motor(3000, 1)))
