@@ -22,6 +22,7 @@
 #include "lib/data/internal/date_time.h"
 #include "lib/data/internal/plain_number.h"
 #include "lib/data/internal/quoted_rows.h"
+#include "lib/data/internal/text_lines.h"
 #include "lib/data/units.h"
 
 namespace identikal {
@@ -29,7 +30,6 @@ namespace {
 
 using namespace csv;
 
-constexpr std::size_t kTailLines = 64;     // lines at the end of the file that show its shape
 constexpr std::size_t kTextCheck = 65536;  // bytes at the start free of control codes
 
 [[noreturn]] void throw_bad_quote(const Location& at, const Cell& cell) {
@@ -88,15 +88,6 @@ std::string_view next_line(const char*& p, const char* end) {
   return {begin, static_cast<std::size_t>(stop - begin)};
 }
 
-bool is_blank_text(std::string_view text) {
-  return text.find_first_not_of(" \t\r\n") == std::string_view::npos;
-}
-
-bool is_comment(std::string_view line) {
-  const std::size_t first = line.find_first_not_of(" \t");
-  return first != std::string_view::npos && is_comment_sign(line[first]);
-}
-
 // --- Layout: which line is the header, and where do the rows begin? ---
 
 // What the end of the file shows; unlike the start it holds rows and nothing else.
@@ -107,20 +98,6 @@ struct Shape {
 
   std::size_t fewest_cells() const { return width <= 1 ? 1 : 2; }  // of a header or a row
 };
-
-std::vector<std::string_view> last_lines(const char* begin, const char* end) {
-  std::vector<std::string_view> lines;
-  while (end != begin && lines.size() < kTailLines) {
-    const char* start = end - 1;
-    while (start != begin && start[-1] != '\n') --start;
-    const std::string_view line(start, static_cast<std::size_t>(end - 1 - start));
-    if (!is_blank_text(line) && !is_comment(line)) lines.push_back(line);
-    end = start;
-  }
-  // In a short file the header is among them: keep the later half.
-  if (end == begin && !lines.empty()) lines.resize((lines.size() + 1) / 2);
-  return lines;
-}
 
 // The decimal mark of a number is decided by the first fraction.
 DecimalMark initial_mark(char separator) {

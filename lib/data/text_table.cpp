@@ -88,6 +88,7 @@ std::vector<std::string> written_cells(std::string_view text, const Table& table
                                        const Column& column) {
   const auto position = static_cast<std::size_t>(&column - table.columns.data());
   std::string plain(text);
+  if (!plain.ends_with('\n')) plain += '\n';
   csv::unquote_rows(plain);
   csv::separate_at_blanks(plain);
   std::string_view rest = plain;

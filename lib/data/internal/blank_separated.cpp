@@ -7,16 +7,10 @@
 
 #include "lib/data/internal/csv_cell.h"
 #include "lib/data/internal/date_time.h"
+#include "lib/data/internal/text_lines.h"
 
 namespace identikal::csv {
 namespace {
-
-constexpr std::size_t kRowsLooked = 20;  // lines at the end that show what the file is like
-
-bool is_comment(std::string_view line) {
-  const std::size_t first = line.find_first_not_of(' ');
-  return first != std::string_view::npos && is_comment_sign(line[first]);
-}
 
 std::vector<std::string_view> words_of(std::string_view line) {
   std::vector<std::string_view> out;
@@ -63,21 +57,6 @@ std::vector<std::string_view> names_of(std::string_view line) {
   return out;
 }
 
-std::vector<std::string_view> last_rows(std::string_view text) {
-  std::vector<std::string_view> out;
-  while (!text.empty() && out.size() < kRowsLooked) {
-    if (text.ends_with('\n')) text.remove_suffix(1);
-    const std::size_t before = text.rfind('\n');
-    const std::size_t begin = before == std::string_view::npos ? 0 : before + 1;
-    const std::string_view line = text.substr(begin);
-    if (!is_comment(line) && !words_of(line).empty()) out.push_back(line);
-    text = text.substr(0, begin);
-  }
-  // In a short file the header is among them: keep the later half.
-  if (text.empty() && out.size() < kRowsLooked) out.resize((out.size() + 1) / 2);
-  return out;
-}
-
 bool are_numbers_and_dates(std::string_view line) {
   if (line.find_first_of("\t;\"") != std::string_view::npos) return false;
   return std::ranges::all_of(words_of(line), [](auto w) { return is_number(w) || is_time(w); });
@@ -105,7 +84,7 @@ std::vector<std::string_view> joined_as(std::string_view row, std::vector<std::s
 }  // namespace
 
 bool separate_at_blanks(std::string& text) {
-  const std::vector<std::string_view> rows = last_rows(text);
+  const std::vector<std::string_view> rows = last_lines(text.data(), text.data() + text.size());
   const std::size_t width = rows.empty() ? 0 : cells_of(rows.front()).size();
   if (width < 2) return false;
   const bool is_so = std::ranges::all_of(rows, [&](std::string_view line) {

@@ -14,6 +14,7 @@ namespace identikal::csv {
 /// the first blank between two of them becomes a tab, so that every character keeps its place in messages; in the header
 /// and its units alike, but not between a name and its unit, nor between a date and its time of day. Anything else stays
 /// as it is.
+/// @param text  ends in a line feed
 /// @return whether it was so
 bool separate_at_blanks(std::string& text);
 
