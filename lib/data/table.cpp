@@ -15,8 +15,6 @@
 
 namespace identikal {
 
-using csv::same_ignoring_case;
-
 int Table::line_of_row(std::size_t row) const {
   const auto after =
       std::upper_bound(line_runs.begin(), line_runs.end(), row,
@@ -114,7 +112,7 @@ const Column* Table::find(const std::string& name) const {
   }
   const Column* found = nullptr;
   for (const Column& column : columns) {
-    if (!same_ignoring_case(column.name, name)) continue;
+    if (!csv::same_ignoring_case(column.name, name)) continue;
     if (found != nullptr) return nullptr;
     found = &column;
   }
