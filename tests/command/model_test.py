@@ -2,9 +2,7 @@
 import datetime
 import json
 import math
-import pathlib
 import random
-import tempfile
 import unittest
 
 from program import SHARED, Folder, result, run
@@ -31,12 +29,13 @@ OF_MOTOR = "--input", "voltage", "--output", "speed"
 class Model(unittest.TestCase):
     def test_days_of_the_week_follow_each_other(self):
         """Dates are the time where rows are equally far apart; of five days a week they are not, and rows count."""
-        with tempfile.TemporaryDirectory() as folder:
-            data, model = pathlib.Path(folder, "log.csv"), pathlib.Path(folder, "model.yaml")
+        with Folder() as made:
+            model = made.path / "model.yaml"
             for days, column in ((range(7), 'column: "date"'), (range(5), "step: 1")):
                 dates = [datetime.date(2024, 1, 1) + datetime.timedelta(k) for k in range(400)]
                 used = [each for each in dates if each.weekday() in days]
-                data.write_text("date,y\n" + "".join(f"{each},{math.sin(0.7 * k) + 0.1 * (k * k % 7)}\n" for k, each in enumerate(used)))
+                rows = "".join(f"{each},{math.sin(0.7 * k) + 0.1 * (k * k % 7)}\n" for k, each in enumerate(used))
+                data = made.write("log.csv", "date,y\n" + rows)
                 run("model", data, "--output", "y", "--order", "1:3", "-o", model)
                 self.assertIn(column, model.read_text())
 

@@ -210,9 +210,8 @@ InnovationForm searched_by_rows(const InnovationForm& from, const ScaledRecordin
   const MatrixXd all = simulation_coordinates(start);
   const MatrixXd directions = all.leftCols(all.cols() - V.size());  // the last: of outputs, zero
   const auto n = static_cast<double>(from.states()), d = static_cast<double>(directions.cols());
-  constexpr double kShare = 0.2;  // of the work of an evaluation: it takes several
-  constexpr double kFewest =
-      0.25;  // of the rows: fewer tell less than is lost by what is forgotten
+  constexpr double kShare = 0.2;    // of the work of an evaluation: it takes several
+  constexpr double kFewest = 0.25;  // of the rows: fewer tell less than is lost by forgetting
   const double affordable_rows = kShare * kWork / (d * (2.0 * n * n + d));
   if (affordable_rows < kFewest * static_cast<double>(recordings.rows())) return from;
   const ScaledRecordings enough = first_rows(recordings, static_cast<Index>(affordable_rows));

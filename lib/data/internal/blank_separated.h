@@ -1,4 +1,4 @@
-// Are the columns of a table parted by blanks alone? Internal to lib: for lib/data/csv.cpp only.
+// Are the columns of a table parted by blanks alone? Internal to lib: for the readers of tables.
 #pragma once
 
 #include <string>

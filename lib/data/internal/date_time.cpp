@@ -157,7 +157,8 @@ bool take_time_of_day(Scanner& text, bool with_seconds, WrittenTime& out) {
     return false;
   if (!take_half_of_day(text, hour)) return false;
   constexpr int kLeapSecond = 60;
-  if (hour > 24 || minute > 59 || second > kLeapSecond) return false;
+  const bool beyond_midnight = hour > 24 || (hour == 24 && (minute > 0 || second > 0));
+  if (beyond_midnight || minute > 59 || second > kLeapSecond) return false;
   out.second = 3600 * hour + 60 * minute + second;
   return has_seconds || !with_seconds;
 }

@@ -1,5 +1,5 @@
 // Which instants do the cells of a column name, where they are dates and times of day? Internal to lib: for
-// lib/data/csv.cpp only.
+// the readers of tables.
 #pragma once
 
 #include <chrono>
@@ -27,9 +27,10 @@ struct WrittenTime {
 /// @return nothing for any other text
 std::optional<WrittenTime> written_time(std::string_view text);
 
-/// The cells of one column that are none of a number, for as long as all of them are times.
+/// The cells of one column that are no numbers, for as long as all of them are times.
 class DateColumn {
  public:
+  /// @param row  of the table, from 0, each above the one before; @param text  no number and not missing
   void take(std::size_t row, std::string_view text);
   /// Makes a column whose every cell is a time or empty one of seconds: since 1970-01-01 in UTC, or since midnight, the
   /// days behind it counted. Dates that are the same days of months, equally many apart, are made equally far apart:
