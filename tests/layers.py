@@ -2,7 +2,8 @@
 
 A room is a folder with sources of its own. ORDER lists the rooms from the ground up; the floor of a room is the longest way down from it
 within its house. Prints rooms, floors and includes; fails on an include that runs up (and so on every circle), on an include of
-another room's internal/ header, on too many floors, on a third-party header outside its one place, and on a test that is not built.
+another room's internal/ header, on too many floors, on a third-party header outside its one place, on a test that is not built, and on a
+type of the namespace identikal that two headers define: the linker would take one's functions for the other's.
 """
 import collections
 import pathlib
@@ -52,6 +53,7 @@ def room_of(path):
 
 faults, files = [], collections.Counter()
 uses = collections.defaultdict(set)  # room -> rooms that it includes
+defined = collections.defaultdict(list)  # type -> headers
 for house in ORDER:
     for path in sorted((ROOT / house).rglob("*")):
         if path.suffix not in (".h", ".cpp"):
@@ -62,6 +64,9 @@ for house in ORDER:
             faults.append(f"{name}: {room} is not a room; tests/layers.py lists them")
             continue
         files[room] += 1
+        if path.suffix == ".h":
+            for kind in re.findall(r"^(?:struct|class|enum class) (\w+)[^;\n]*\{", path.read_text(), re.M):
+                defined[kind].append(name)
         for number, line in enumerate(path.read_text().splitlines(), 1):
             include = re.match(r'\s*#\s*include\s*([<"])([^>"]+)[>"]', line)
             if not include:
@@ -96,6 +101,7 @@ for house in ORDER:
     print(f"{house}: {floors} floors")
     if floors > MOST_FLOORS:
         faults.append(f"{house} has {floors} floors; at most {MOST_FLOORS}")
+faults += [f"{headers[1]}: defines {kind}, as {headers[0]} does" for kind, headers in defined.items() if len(headers) > 1]
 built = (ROOT / "tests/CMakeLists.txt").read_text()
 for test in sorted([*ROOT.glob("tests/**/*_test.cpp"), *ROOT.glob("tests/**/*_study.cpp")]):
     if test.relative_to(ROOT / "tests").as_posix() not in built:

@@ -44,7 +44,7 @@ std::optional<SteadyState> of_one_noise(const StateSpace& model) {
 }  // namespace
 
 std::optional<SteadyState> steady_state(const StateSpace& model) {
-  SteadyFilter<Eigen::Dynamic, Eigen::Dynamic> filter;
+  SteadySolution<Eigen::Dynamic, Eigen::Dynamic> filter;
   if (!filter.solve(model)) return of_one_noise(model);
   return SteadyState{filter.P, filter.K, filter.Sigma};
 }

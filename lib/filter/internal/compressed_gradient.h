@@ -11,7 +11,7 @@ namespace identikal {
 template <int n>
 template <class Sums>
 void CompressedKernel<n>::begin_adjoints(const Sums& Gamma_0, const Square& M_F, Adjoints& bar) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   Square half;
   set_product(bar.Kz, Kz_, Gamma_0);
   add_product(bar.Kz, f.F, Yt_);
@@ -84,7 +84,7 @@ void CompressedKernel<n>::back_through_last_states(const SegmentAutocovariances&
 template <int n>
 void CompressedKernel<n>::back_through_determinants(double samples, const Square& M_F,
                                                     Adjoints& bar) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   Square N_start = Z_, half;
   f.powers.sum_forward(N_start);
   set_product(half, M_F, N_start);

@@ -41,7 +41,7 @@ void CompressedKernel<n>::add_noise_information(double samples, Likelihood& out)
 /// innovations.
 template <int n>
 void CompressedKernel<n>::follow_start(const Segment& segment, Response& r) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   const Eigen::Index L = memory();
   State dh = r.dx0, dx = r.dx0, next;
   for (Eigen::Index t = 0; t < L; ++t) {
@@ -87,7 +87,7 @@ void CompressedKernel<n>::find_first_states(const SegmentAutocovariances& sums) 
 template <int n>
 void CompressedKernel<n>::sum_response(std::size_t i, const Segment& segment,
                                        const SegmentStart<n>& start) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   const SegmentAutocovariances& sums = segment.sums;
   const auto Gamma_0 = sums.at(0);
   Columns next;

@@ -179,7 +179,7 @@ class CompressedKernel final : public SegmentKernel {
   SmallMatrix white_H_;
   const StateSpace* model_ = nullptr;
   const std::vector<StateSpace>* derivatives_ = nullptr;
-  SteadyFilter<n> filter_;
+  SteadySolution<n> filter_;
   Powers<n> open_loop_;
   Columns CW_;  // C' Sigma^-1
   Square M_;
@@ -210,7 +210,7 @@ class CompressedKernel final : public SegmentKernel {
 template <int n>
 bool CompressedKernel<n>::find_directions() {
   const StateSpace& m = *model_;
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   directions_.resize(derivatives_->size());
   Square F_P, half;
   set_product(F_P, f.F, f.P);
@@ -340,7 +340,7 @@ bool CompressedKernel<n>::well_conditioned(const Square& Pi) const {
 template <int n>
 template <class Sums>
 double CompressedKernel<n>::size_of_terms(const Sums& Gamma_0) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   white_C_ = f.Ct.transpose();
   f.llt.matrixL().solveInPlace(white_C_);
   white_C_ = white_C_.cwiseAbs();
@@ -371,7 +371,7 @@ double CompressedKernel<n>::size_of_terms(const Sums& Gamma_0) {
 template <int n>
 auto CompressedKernel<n>::score_of_start(const SegmentAutocovariances& sums, const State& mean)
     -> State {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   const Eigen::Index states = model_->states(), ny = model_->outputs(), L = memory();
   head_.resize(states, std::max(L, head_.cols()));
   e_.resize(ny, std::max(L, e_.cols()));
@@ -477,7 +477,7 @@ void CompressedKernel<n>::find_last_state(const SegmentAutocovariances& sums) {
 template <int n>
 template <class Sums>
 void CompressedKernel<n>::sum_states(const Sums& Gamma_0) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   Square half;
   set_product(work_, f.F, Yt_);
   set_product(half, work_, Kz_.transpose());
@@ -494,7 +494,7 @@ void CompressedKernel<n>::sum_states(const Sums& Gamma_0) {
 template <int n>
 template <class Sums>
 void CompressedKernel<n>::sum_innovations(const Sums& Gamma_0) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   set_product(work_, X_, f.Ct);
   set_product(S_e_, f.Ct.transpose(), work_);
   set_product(work_, Yt_, H_.transpose());
@@ -509,7 +509,7 @@ void CompressedKernel<n>::sum_innovations(const Sums& Gamma_0) {
 template <int n>
 bool CompressedKernel<n>::add(const Segment& segment, const SegmentStart<n>& start,
                               Likelihood& out) {
-  const SteadyFilter<n>& f = filter_;
+  const SteadySolution<n>& f = filter_;
   bool dynamics = false;
   for (const Direction& d : directions_) dynamics = dynamics || d.dynamics;
   nominal_ = segment.nominal && !dynamics ? &*segment.nominal : nullptr;

@@ -30,7 +30,7 @@ using ChannelColumns = Eigen::Matrix<double, n, Eigen::Dynamic,
 ///   K = (A P C' + G S) Sigma^-1,       F = A - K C.
 /// @tparam channels  most outputs; Dynamic = any, on the heap
 template <int n, int channels = kMaxChannels>
-struct SteadyFilter {
+struct SteadySolution {
   using Square = Eigen::Matrix<double, n, n>;
   using Columns = ChannelColumns<n, channels>;
   using OutputSquare = ChannelSquare<channels>;

@@ -115,11 +115,11 @@ class ExtendedFilter {
   }
 
   void lay_out() {
-    const Motion motion = by_steps_           ? Motion::any
-                          : model_.continuous ? Motion::equations
-                                              : Motion::map;
+    const TransitionSource source = by_steps_           ? TransitionSource::any
+                                    : model_.continuous ? TransitionSource::equations
+                                                        : TransitionSource::map;
     pattern_ =
-        motion_pattern(model_.rate, order_, model_.states, motion, noisy_entries(), density_);
+        motion_pattern(model_.rate, order_, model_.states, source, noisy_entries(), density_);
     kernel_.n = static_cast<int>(n_);
     kernel_.ny = static_cast<int>(ny_);
     kernel_.blocks = static_cast<int>(places_.blocks);

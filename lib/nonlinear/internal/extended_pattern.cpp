@@ -130,10 +130,10 @@ struct MotionEntries {
 };
 
 MotionEntries entries_of(const Pattern& F, const Pattern& curved, const Pattern& noisy,
-                         Motion motion, bool density) {
+                         TransitionSource source, bool density) {
   MotionEntries out{F, noisy, curved};
-  if (motion == Motion::map) return out;
-  if (motion == Motion::any) {
+  if (source == TransitionSource::map) return out;
+  if (source == TransitionSource::any) {
     out.Phi.setConstant(true);
     out.moves.setConstant(true);
     if (density) out.W.setConstant(true);
@@ -159,7 +159,8 @@ void TermList::add(int factor_at, int in_at) {
   in.push_back(in_at);
 }
 
-MotionPattern motion_pattern(const FormulaSlopes& slopes, Derivatives order, Index n, Motion motion,
+MotionPattern motion_pattern(const FormulaSlopes& slopes, Derivatives order, Index n,
+                             TransitionSource source,
                              const Eigen::Ref<const Eigen::MatrixXd>& noisy, bool density) {
   const bool derived = order == Derivatives::second;
   Eigen::ArrayXXi at_F = Eigen::ArrayXXi::Constant(n, n, -1), at_curved = at_F, at_Phi = at_F,
@@ -169,7 +170,7 @@ MotionPattern motion_pattern(const FormulaSlopes& slopes, Derivatives order, Ind
   count = 0;
   for (const auto& [i, j] : slopes.curved) at_curved(i, j) = derived ? count++ : -1;
   const auto [Phi, W, moves] =
-      entries_of(at_F >= 0, at_curved >= 0, noisy.array() != 0.0, motion, density);
+      entries_of(at_F >= 0, at_curved >= 0, noisy.array() != 0.0, source, density);
   MotionPattern out;
   for (Index i = 0; i < n; ++i) {
     for (Index j = 0; j < n; ++j) {
@@ -186,7 +187,7 @@ MotionPattern motion_pattern(const FormulaSlopes& slopes, Derivatives order, Ind
   for (Index i = 0; i < n; ++i) {
     for (Index j = 0; j < n; ++j) out.W_index.push_back(at_W(i, j));
   }
-  const bool follows = motion == Motion::equations;
+  const bool follows = source == TransitionSource::equations;
   const auto add_products = [&](const Eigen::ArrayXXi& by, Index i, const Eigen::ArrayXXi& of,
                                 Index j, TermList& to) {
     for (Index l = 0; l < n; ++l) {

@@ -54,7 +54,7 @@ struct TermList {
 };
 
 /// Where Phi and W come from.
-enum class Motion {
+enum class TransitionSource {
   equations,  ///< differential equations
   map,        ///< Phi is df/dx, W is Q
   any,        ///< nothing is known but that W is symmetric
@@ -71,7 +71,7 @@ struct MotionPattern {
 /// @param noisy    n x n, symmetric: entries of Q, or of its derivatives, that are not zero
 /// @param density  whether W follows from Q along the motion; it is Q otherwise
 MotionPattern motion_pattern(const FormulaSlopes& slopes, Derivatives order, Eigen::Index states,
-                             Motion motion, const Eigen::Ref<const Eigen::MatrixXd>& noisy,
-                             bool density);
+                             TransitionSource source,
+                             const Eigen::Ref<const Eigen::MatrixXd>& noisy, bool density);
 
 }  // namespace identikal
