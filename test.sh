@@ -22,7 +22,7 @@ find lib solvers identify studies jobs fleet interface command python tests exam
 # Many files in one go: half of the time is spent on the templates that they share. With --slow every file is compiled by itself and
 # without the precompiled header, and so has to include what it uses.
 # g++ collects its garbage later, too: some 6 % of its time, for 200 MB more.
-alone=(-DCMAKE_DISABLE_PRECOMPILE_HEADERS=OFF -DCMAKE_UNITY_BUILD_BATCH_SIZE=16 -DIDENTIKAL_BUILD_SLOW_TESTS=OFF
+alone=(-DCMAKE_DISABLE_PRECOMPILE_HEADERS=OFF -DCMAKE_UNITY_BUILD_BATCH_SIZE=64 -DIDENTIKAL_BUILD_SLOW_TESTS=OFF
   -DCMAKE_CXX_FLAGS=--param=ggc-min-heapsize=800000)
 # Checks of every access for null and alignment make a third of the sanitizer build; a null that is used ends the program anyway.
 pointers=$slow
@@ -41,7 +41,7 @@ ctest --test-dir build --output-on-failure -j "$(nproc)" "${labels[@]}"
 # Programs of half a gigabyte each take the usual linker as long as compiling them.
 optimised="-O0 -g1"
 [ "$slow" = yes ] && optimised="-O1 -g1"
-build "Configuring with sanitizers" cmake --preset dev -DCMAKE_CXX_FLAGS_DEBUG="$optimised" -G "$generator" -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=16 \
+build "Configuring with sanitizers" cmake --preset dev -DCMAKE_CXX_FLAGS_DEBUG="$optimised" -G "$generator" -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=64 \
   -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=lld -DCMAKE_SHARED_LINKER_FLAGS=-fuse-ld=lld -DIDENTIKAL_SANITIZE_POINTERS="$pointers" -DIDENTIKAL_BUILD_SLOW_TESTS="$slow"
 build "Building with sanitizers" cmake --build build-dev -j "$(nproc)"
 # Here a test takes about a hundred times as long: those that took little more [s] than starting a program does, which is what

@@ -37,7 +37,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr int kRefinements = 4;  // of the integration, each with a search of its own
+constexpr int kIntegrationRefinements = 4;  // of the integration, each with a search of its own
 constexpr int kMostTightenings = 20;
 
 // Parameters at their bounds. @param estimate  with the limits of limit_variances_at_zero()
@@ -222,7 +222,7 @@ Maximum take_maximum(NoiseEstimate& estimate, RecordingsLikelihood& likelihood,
     if (start != FilterStatus::ok) refuse_filter(model, likelihood.recordings(), start);
   }
   // The integration was as fine as the start needs it; all starts are compared on the same.
-  for (int i = 0; i < kRefinements && found.best.summary.usable() &&
+  for (int i = 0; i < kIntegrationRefinements && found.best.summary.usable() &&
                   likelihood.refine(with_coordinates(parameters, factors.to(found.best.x)));
        ++i) {
     if (found.shot) {

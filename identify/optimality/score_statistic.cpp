@@ -18,7 +18,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kSteps = 10;
+constexpr int kFewSteps = 10;
 
 void make_free(Model& model, ParametrisedMatrix& matrix, const char* name, const MatrixXd& value) {
   if (value.size() == 0) return;
@@ -115,7 +115,7 @@ Retuned retuned_by(const Model& model, RecordingsLikelihood& likelihood) {
   const VectorXd start =
       coordinates(model.parameters).cwiseMax(problem.lower).cwiseMin(problem.upper);
   SolverOptions options;
-  options.max_iterations = kSteps;
+  options.max_iterations = kFewSteps;
   const Solution solution = maximise(problem, start, options);
   if (solution.summary.termination == Termination::start_undefined) {
     return {model.parameters, kNone, kNone};

@@ -49,11 +49,11 @@ double restricted_log_likelihood(const Weighted& at, const MatrixXd& X) {
 }
 
 /// Derivative of the restricted log-likelihood by t = sd^2, and its expected information.
-struct Score {
+struct ScoreOfEffects {
   double gradient, information;
 };
 
-Score score_of(const Weighted& at, const MatrixXd& X) {
+ScoreOfEffects score_of(const Weighted& at, const MatrixXd& X) {
   const VectorXd w2 = at.w.cwiseAbs2(), w3 = w2.cwiseProduct(at.w);
   const MatrixXd M2 = at.covariance * (X.transpose() * w2.asDiagonal() * X);
   const MatrixXd M3 = at.covariance * (X.transpose() * w3.asDiagonal() * X);
@@ -69,7 +69,7 @@ double restricted_maximum(const VectorXd& y, const VectorXd& v, const MatrixXd& 
   double t = spread;
   double value = restricted_log_likelihood(Weighted(y, v, X, t), X);
   for (int iteration = 0; iteration < 200; ++iteration) {
-    const Score score = score_of(Weighted(y, v, X, t), X);
+    const ScoreOfEffects score = score_of(Weighted(y, v, X, t), X);
     double step = score.gradient / score.information;
     double next = t, next_value = value;
     for (int halving = 0; halving < 40; ++halving, step *= 0.5) {

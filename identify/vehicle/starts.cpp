@@ -48,7 +48,7 @@ VehicleParameters<double> typical_car(const VehicleUnknowns& unknowns) {
 }
 
 /// What the balances are made of, at one point of time.
-enum Signal { kDelta, kVyOverVx, kROverVx, kAcceleration, kYawRate, kVy, kSignals };
+enum Signal { kDelta, kVyOverVx, kROverVx, kSideAcceleration, kYawRate, kVy, kSignals };
 using Signals = Eigen::Array<double, kSignals, 1>;
 
 /// First-order high-pass filter of all signals but vy, which is integrated from its rate.
@@ -203,7 +203,7 @@ VehicleBalances vehicle_balances(const VehicleRun& run, const VehicleParameters<
       time.push_back(mean[i].time);
       slip_front.push_back(now[kDelta] - now[kVyOverVx] - p[kA] * now[kROverVx]);
       slip_rear.push_back(p[kB] * now[kROverVx] - now[kVyOverVx]);
-      acceleration.push_back(now[kAcceleration] +
+      acceleration.push_back(now[kSideAcceleration] +
                              (ja >= 0 ? -rate[kYawRate] * ay_lever : rate[kVy]));
       yaw_acceleration.push_back(rate[kYawRate]);
     }

@@ -24,14 +24,14 @@ struct Gain {
   MatrixXd P_filt, M, F, information;
 };
 
-struct Step {
+struct SmoothedStep {
   Index t;
   std::shared_ptr<const Gain> gain;
   MatrixXd Z_filt, score;
 };
 
-Step step_of(const FilterStep& seen, const Step* before) {
-  Step out{seen.t, nullptr, seen.Z_filt, seen.score};
+SmoothedStep step_of(const FilterStep& seen, const SmoothedStep* before) {
+  SmoothedStep out{seen.t, nullptr, seen.Z_filt, seen.score};
   out.gain = seen.same_gain && before != nullptr
                  ? before->gain
                  : std::make_shared<Gain>(Gain{seen.P_filt, seen.M, seen.F, seen.information});
@@ -60,7 +60,7 @@ class Adjoint {
  public:
   explicit Adjoint(Index n) : R_(MatrixXd::Zero(n, 1)), N_(MatrixXd::Zero(n, n)) {}
 
-  void take_in(const Step& step) {
+  void take_in(const SmoothedStep& step) {
     const bool same_gain = step.gain == gain_;
     gain_ = step.gain;
     move_r(step);
@@ -76,7 +76,7 @@ class Adjoint {
   }
 
   // r alone, where N is not requested.
-  void move_r(const Step& step) {
+  void move_r(const SmoothedStep& step) {
     widen(step.score.cols());
     next_.noalias() = step.gain->F.transpose() * R_;
     next_.leftCols(step.score.cols()) += step.score;
@@ -84,7 +84,7 @@ class Adjoint {
   }
 
   // Column at step.t of the result. `again`: the covariance is that of the column placed before.
-  void place(const Step& step, const Delta& delta, bool again, SmootherResult& out) {
+  void place(const SmoothedStep& step, const Delta& delta, bool again, SmootherResult& out) {
     const Gain& gain = *step.gain;
     const Index d = step.Z_filt.cols() - 1;
     widen(d + 1);
@@ -104,7 +104,7 @@ class Adjoint {
   }
 
   // N and the gain of this sample are those of the one placed before.
-  bool unchanged(const Step& step) const { return kept_ && step.gain == gain_; }
+  bool unchanged(const SmoothedStep& step) const { return kept_ && step.gain == gain_; }
 
   void restart() {
     R_.setZero(R_.rows(), 1);
@@ -156,7 +156,7 @@ class IntervalSmoother {
 
   void end_of_block() {
     for (std::size_t i = block_.size(); i-- > 0;) {
-      const Step& step = block_[i];
+      const SmoothedStep& step = block_[i];
       adjoint_.place(step, delta_, adjoint_.unchanged(step) && step.Z_filt.cols() == 1, result);
       adjoint_.take_in(step);
     }
@@ -166,7 +166,7 @@ class IntervalSmoother {
   SmootherResult result;
 
  private:
-  std::deque<Step> block_;
+  std::deque<SmoothedStep> block_;
   Adjoint adjoint_;
   Delta delta_;
 };
@@ -187,7 +187,7 @@ class LagSmoother {
     const bool again = unchanged_ > lag_ + 1 && placed_;
     adjoint_.restart();
     for (std::size_t i = window_.size(); i-- > 0;) {
-      const Step& step = window_[i];
+      const SmoothedStep& step = window_[i];
       if (determined && (i == 0 || last)) {
         adjoint_.place(step, delta_, i == 0 && again && !last, result);
         placed_ = true;
@@ -207,7 +207,7 @@ class LagSmoother {
  private:
   Index lag_, unchanged_ = 0;
   bool placed_ = false;
-  std::deque<Step> window_;
+  std::deque<SmoothedStep> window_;
   Adjoint adjoint_;
   Delta delta_;
 };

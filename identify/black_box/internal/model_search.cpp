@@ -20,12 +20,12 @@ using Eigen::MatrixXd;
 namespace {
 
 // Held-out rows, and the states of the first ones.
-struct HeldOut {
+struct HeldOutRows {
   SplitRecordings parts;
   SubspaceStart start;
 };
 
-HeldOut held_out(SplitRecordings parts, const BlackBoxOptions& options) {
+HeldOutRows held_out(SplitRecordings parts, const BlackBoxOptions& options) {
   constexpr Index kMostHeldOut = 40000;  // rows
   parts.rest = first_rows(parts.rest, kMostHeldOut);
   SubspaceStart start =
@@ -34,7 +34,7 @@ HeldOut held_out(SplitRecordings parts, const BlackBoxOptions& options) {
 }
 
 // The best simulation of held-out rows by the first ones, of any order.
-double best_simulation(const HeldOut& of, const BlackBoxOptions& options) {
+double best_simulation(const HeldOutRows& of, const BlackBoxOptions& options) {
   const auto most =
       static_cast<int>(std::min<Index>(options.most_order, of.start.states.most_states()));
   double best = -std::numeric_limits<double>::infinity();
@@ -50,13 +50,13 @@ double best_simulation(const HeldOut& of, const BlackBoxOptions& options) {
 // Recordings about zero, where that is what they move around. The mean of few slow swings is no operating point: what is taken
 // off for it is missing in all later rows. Channels that pass through zero all the time are likely to be deviations
 // already; others have to do noticeably better so on rows that were held out. Without inputs the mean is all that is known.
-std::optional<HeldOut> about_zero(const ScaledRecordings& from_mean, const HeldOut& by_means,
-                                  const BlackBoxOptions& options) {
+std::optional<HeldOutRows> about_zero(const ScaledRecordings& from_mean,
+                                      const HeldOutRows& by_means, const BlackBoxOptions& options) {
   constexpr double kThrough = 1.0, kFar = 10.0;  // by the channel's scatter
   constexpr double kDoubt = 0.05;                // of the fit
   const double far = farthest_mean(from_mean.point);
   if (from_mean.point.u.size() == 0 || !(far < kFar)) return std::nullopt;
-  HeldOut out = held_out(split(from_zero(from_mean), 1.0 - options.held_out_share), options);
+  HeldOutRows out = held_out(split(from_zero(from_mean), 1.0 - options.held_out_share), options);
   const double gain = best_simulation(out, options) - best_simulation(by_means, options);
   if (!(gain > (far < kThrough ? -kDoubt : kSameFit))) return std::nullopt;
   return out;
@@ -65,8 +65,9 @@ std::optional<HeldOut> about_zero(const ScaledRecordings& from_mean, const HeldO
 ModelSearch about_operating_point(const std::vector<Dataset>& recordings,
                                   const BlackBoxOptions& options) {
   ScaledRecordings all = scaled(recordings);
-  HeldOut chosen = held_out(about_first_means(split(all, 1.0 - options.held_out_share)), options);
-  if (std::optional<HeldOut> zero = about_zero(all, chosen, options)) {
+  HeldOutRows chosen =
+      held_out(about_first_means(split(all, 1.0 - options.held_out_share)), options);
+  if (std::optional<HeldOutRows> zero = about_zero(all, chosen, options)) {
     all = from_zero(std::move(all));
     SubspaceStart of_all = subspace_start(all, zero->start.sums.lags, &zero->start.prior);
     return {std::move(all), std::move(zero->parts), std::move(zero->start), std::move(of_all)};

@@ -12,10 +12,10 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kSecond = 1.0;
-constexpr double kChange = 0.3;       // of vx r [m/s^3]
-constexpr double kSpeedChange = 1.0;  // [m/s^2]
-constexpr std::size_t kFewest = 8;    // seconds
-constexpr double kLeastRange = 1.0;   // of vx r [m/s^2]
+constexpr double kChange = 0.3;            // of vx r [m/s^3]
+constexpr double kSpeedChange = 1.0;       // [m/s^2]
+constexpr std::size_t kFewestSeconds = 8;  // seconds
+constexpr double kLeastRange = 1.0;        // of vx r [m/s^2]
 
 /// Means of both halves of a segment of rows.
 struct Halves {
@@ -146,7 +146,7 @@ SteadyLine steady_line(const VectorXd& x, const VectorXd& y, const VectorXd& asi
 }
 
 std::string too_little_turning(const std::vector<SteadySecond>& seconds) {
-  if (seconds.size() < kFewest) {
+  if (seconds.size() < kFewestSeconds) {
     return "The log holds less than eight seconds of quasi-steady driving up to 4 m/s^2.";
   }
   double low = kInfinity, high = -kInfinity;

@@ -8,11 +8,10 @@
 
 #include "identify/model/model_file.h"
 #include "identify/model/recording.h"
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
-
-const double kMissing = std::nan("");
 
 Model standstill() {
   return parse_model_file(
@@ -29,10 +28,9 @@ TEST(OutputConditions, OfSamplesInMemoryAreThoseOfTheFile) {
   const Model model = standstill();
   EXPECT_NEAR(noise_model(model).R.constant(1, 1), 1e-4, 1e-18);
   const Eigen::RowVectorXd y{{1.0, 2.0, 9.0, 3.0, 4.0}}, a{{0.0, 0.0, 0.0, 11.0, 0.0}};
-  const Eigen::RowVectorXd still{{1.0, kMissing, 0.0, kMissing, kMissing}};
+  const Eigen::RowVectorXd still{{1.0, kNaN, 0.0, kNaN, kNaN}};
   const Dataset data = recording(model, {{"y", y}, {"a", a}, {"still", still}}, 1.0);
-  const Eigen::MatrixXd expected{{kMissing, 2.0, kMissing, 3.0, 4.0},
-                                 {0.0, 0.0, kMissing, 0.0, kMissing}};
+  const Eigen::MatrixXd expected{{kNaN, 2.0, kNaN, 3.0, 4.0}, {0.0, 0.0, kNaN, 0.0, kNaN}};
   for (Eigen::Index t = 0; t < 5; ++t) {
     for (Eigen::Index i = 0; i < 2; ++i) {
       EXPECT_TRUE(data.y(i, t) == expected(i, t) ||

@@ -27,7 +27,7 @@ const char* const kPlain = "outputs: {z: {column: z, unit: m, equals: p}}\n";
 
 Model modelled(const std::string& text) { return parse_model_file(text, "tracker.yaml"); }
 
-std::string refusal(const std::string& text) {
+std::string refused_sensors(const std::string& text) {
   try {
     modelled(text);
   } catch (const InputError& error) {
@@ -117,7 +117,7 @@ TEST(SensorsByName, ParametersGoFirst) {
 
 TEST(SensorsByName, SayWhatIsWrong) {
   const auto with = [](const std::string& sensors) {
-    return refusal(tracker(kPlain, "sensors: " + sensors + "\n"));
+    return refused_sensors(tracker(kPlain, "sensors: " + sensors + "\n"));
   };
   EXPECT_NE(with("{y: {bias: free}}").find("tracker.yaml:11:11: no sensor 'y'"), std::string::npos)
       << with("{y: {bias: free}}");
@@ -134,21 +134,25 @@ TEST(SensorsByName, SayWhatIsWrong) {
   std::string list = tracker(kPlain, "sensors: {z: {bias: free}}\n");
   const std::size_t begin = list.find("parameters:");
   list.replace(begin, list.find('\n', begin) - begin, "parameters: [1, 2]");
-  EXPECT_NE(refusal(list).find("parameters is a list"), std::string::npos) << refusal(list);
-  EXPECT_NE(
-      refusal(tracker(kPlain, "sensors: {z: {delay: free}}\n", "discrete")).find("a delay of 'z'"),
-      std::string::npos);
+  EXPECT_NE(refused_sensors(list).find("parameters is a list"), std::string::npos)
+      << refused_sensors(list);
+  EXPECT_NE(refused_sensors(tracker(kPlain, "sensors: {z: {delay: free}}\n", "discrete"))
+                .find("a delay of 'z'"),
+            std::string::npos);
   std::string still = tracker(kPlain, "sensors: {z: {delay: free}}\n");
   still.replace(still.find("p: v,"), 5, "p: 0,");
-  EXPECT_NE(refusal(still).find("a delay of 'z'"), std::string::npos) << refusal(still);
+  EXPECT_NE(refused_sensors(still).find("a delay of 'z'"), std::string::npos)
+      << refused_sensors(still);
   std::string taken = tracker(kPlain, "sensors: {z: {error: markov}}\n");
   taken.replace(taken.find("dynamics: {"), 11, "dynamics: {error_z: 0, ");
-  EXPECT_NE(refusal(taken).find("makes a state 'error_z', which is there"), std::string::npos)
-      << refusal(taken);
-  EXPECT_NE(refusal("identikal: 1\ntime: {step: 1 s}\nA: [[0.9]]\nC: [[1]]\nQ: [[1]]\nR: [[1]]\n"
-                    "outputs: [{name: y}]\nsensors: {y: {bias: free}}\n")
-                .find("belongs to models of formulas"),
-            std::string::npos);
+  EXPECT_NE(refused_sensors(taken).find("makes a state 'error_z', which is there"),
+            std::string::npos)
+      << refused_sensors(taken);
+  EXPECT_NE(
+      refused_sensors("identikal: 1\ntime: {step: 1 s}\nA: [[0.9]]\nC: [[1]]\nQ: [[1]]\nR: [[1]]\n"
+                      "outputs: [{name: y}]\nsensors: {y: {bias: free}}\n")
+          .find("belongs to models of formulas"),
+      std::string::npos);
 }
 
 }  // namespace

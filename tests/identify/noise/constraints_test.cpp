@@ -54,7 +54,7 @@ std::vector<Dataset> driven_recording(const Model& model) {
   return {make_dataset(parse_csv(rows, "driven.csv"), model.time, model.inputs, model.outputs)};
 }
 
-const EstimatedParameter& named(const Estimate& estimate, const std::string& name) {
+const EstimatedParameter& parameter_named(const Estimate& estimate, const std::string& name) {
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.name == name) return p;
   }
@@ -78,10 +78,12 @@ TEST(ConstrainedFit, AnEqualityIsTheModelWithOneParameterPutIn) {
   const NoiseEstimate held = fitted(driven("a", "b", free_both, "constraints: [a + b = 0.85]\n"));
   const NoiseEstimate put_in =
       fitted(driven("a", "0.85 - a", "a: {value: 0.4, min: -0.99, max: 0.99}, "));
-  EXPECT_NEAR(named(held, "a").value, named(put_in, "a").value, 1e-6);
-  EXPECT_NEAR(named(held, "a").value + named(held, "b").value, 0.85, 1e-8);
-  EXPECT_NEAR(named(held, "a").se, named(put_in, "a").se, 1e-4 * named(put_in, "a").se);
-  EXPECT_NEAR(named(held, "b").se, named(put_in, "a").se, 1e-4 * named(put_in, "a").se);
+  EXPECT_NEAR(parameter_named(held, "a").value, parameter_named(put_in, "a").value, 1e-6);
+  EXPECT_NEAR(parameter_named(held, "a").value + parameter_named(held, "b").value, 0.85, 1e-8);
+  EXPECT_NEAR(parameter_named(held, "a").se, parameter_named(put_in, "a").se,
+              1e-4 * parameter_named(put_in, "a").se);
+  EXPECT_NEAR(parameter_named(held, "b").se, parameter_named(put_in, "a").se,
+              1e-4 * parameter_named(put_in, "a").se);
   EXPECT_NEAR(held.objective.log_likelihood, put_in.objective.log_likelihood, 1e-6);
   EXPECT_NEAR(held.objective.aic, put_in.objective.aic, 1e-5);
   EXPECT_EQ(constraint_finding(held), nullptr);
@@ -99,13 +101,13 @@ TEST(ConstrainedFit, TheDataSpeakAgainstOneThatIsWrong) {
   EXPECT_GT(free.objective.log_likelihood, wrong.objective.log_likelihood + 3.0);
   // An inequality that holds changes nothing; one that does not ends on its border.
   const NoiseEstimate idle = fitted(driven("a", "b", parameters, "constraints: [b < a]\n"));
-  EXPECT_NEAR(named(idle, "a").value, named(free, "a").value, 1e-9);
-  EXPECT_EQ(named(idle, "a").se, named(free, "a").se);
+  EXPECT_NEAR(parameter_named(idle, "a").value, parameter_named(free, "a").value, 1e-9);
+  EXPECT_EQ(parameter_named(idle, "a").se, parameter_named(free, "a").se);
   EXPECT_EQ(constraint_finding(idle), nullptr);
   const NoiseEstimate border =
       fitted(driven("a", "b", parameters, "constraints: [a + b <= 0.7]\n"));
-  EXPECT_NEAR(named(border, "a").value, named(wrong, "a").value, 1e-6);
-  EXPECT_NEAR(named(border, "a").value + named(border, "b").value, 0.7, 1e-8);
+  EXPECT_NEAR(parameter_named(border, "a").value, parameter_named(wrong, "a").value, 1e-6);
+  EXPECT_NEAR(parameter_named(border, "a").value + parameter_named(border, "b").value, 0.7, 1e-8);
   ASSERT_NE(constraint_finding(border), nullptr);
 }
 
@@ -115,8 +117,8 @@ TEST(ConstrainedFit, TheStartDecidesNothing) {
       fitted(driven("a", "b", "a: {value: 0.4, min: -0.99, max: 0.99}, b: {value: 0.3}, ", more));
   const NoiseEstimate other =
       fitted(driven("a", "b", "a: {value: 0.9, min: -0.99, max: 0.99}, b: {value: 1.5}, ", more));
-  EXPECT_NEAR(named(one, "a").value, named(other, "a").value, 1e-6);
-  EXPECT_NEAR(named(one, "a").value * named(one, "b").value, 0.2, 1e-8);
+  EXPECT_NEAR(parameter_named(one, "a").value, parameter_named(other, "a").value, 1e-6);
+  EXPECT_NEAR(parameter_named(one, "a").value * parameter_named(one, "b").value, 0.2, 1e-8);
 }
 
 std::string constraint_refusal(const std::string& constraint) {
@@ -190,13 +192,14 @@ TEST(ConstrainedFit, AVehiclesAxlesKeepItsWheelbase) {
   const std::vector<Dataset> recording{with_noise(clean, {0.003, 0.02}, 11)};
   const VehicleEstimate held =
       fit_vehicle(constrained_car("constraints: [a + b = 2512 mm]\n"), recording, {});
-  EXPECT_NEAR(named(held, "a").value + named(held, "b").value, 2.512, 1e-7);
-  EXPECT_NEAR(named(held, "a").value, 0.987, 4.0 * named(held, "a").se);
-  EXPECT_NEAR(named(held, "a").se, named(held, "b").se, 1e-4 * named(held, "a").se);
+  EXPECT_NEAR(parameter_named(held, "a").value + parameter_named(held, "b").value, 2.512, 1e-7);
+  EXPECT_NEAR(parameter_named(held, "a").value, 0.987, 4.0 * parameter_named(held, "a").se);
+  EXPECT_NEAR(parameter_named(held, "a").se, parameter_named(held, "b").se,
+              1e-4 * parameter_named(held, "a").se);
   const VehicleEstimate border =
       fit_vehicle(constrained_car("constraints: [a + b = 2.512 m, Cr < 0.9*Cf]\n"), recording, {});
-  EXPECT_NEAR(0.9 * named(border, "Cf").value, named(border, "Cr").value,
-              1e-5 * named(border, "Cf").value);
+  EXPECT_NEAR(0.9 * parameter_named(border, "Cf").value, parameter_named(border, "Cr").value,
+              1e-5 * parameter_named(border, "Cf").value);
   ASSERT_NE(constraint_finding(border), nullptr);
   EXPECT_LT(border.objective.log_likelihood, held.objective.log_likelihood);
   VehicleFitOptions whole_path;
@@ -225,7 +228,7 @@ TEST(ConstrainedFit, ProgramsStateThemToo) {
                           .step(1.0);
   EXPECT_EQ(model.constraints.size(), 2);
   const NoiseEstimate held = tune_ml(model, driven_recording(model), {});
-  EXPECT_NEAR(named(held, "a").value + named(held, "b").value, 0.85, 1e-8);
+  EXPECT_NEAR(parameter_named(held, "a").value + parameter_named(held, "b").value, 0.85, 1e-8);
 }
 
 }  // namespace

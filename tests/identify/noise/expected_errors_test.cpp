@@ -31,16 +31,16 @@ initial: {mean: {x: 0}, sd: {x: 1}}
 )";
 constexpr double kKept = 0.9;  // of the sensor's error, from sample to sample
 
-struct Drive {
+struct DrivenRecording {
   Dataset recording;
   Eigen::VectorXd truth;
 };
 
 // A level whose sensor has white noise of variance 0.04 and an error that lasts, of deviation
 // `lasting`.
-Drive simulated(double lasting, Index rows, std::uint64_t seed) {
+DrivenRecording simulated(double lasting, Index rows, std::uint64_t seed) {
   Random random(seed);
-  Drive out;
+  DrivenRecording out;
   Dataset& data = out.recording;
   data.name = "drive";
   data.dt = 1.0;
@@ -74,7 +74,7 @@ Model with_lasting_error(const YamlNode& root, double deviation) {
 TEST(ExpectedErrors, AreThoseOfTheSimulation) {
   const YamlNode root = parse_yaml(kLevel, "level.yaml");
   const Model model = model_of(root, "level.yaml");
-  const Drive drive = simulated(0.5, 40000, 1);
+  const DrivenRecording drive = simulated(0.5, 40000, 1);
   const Model right = with_lasting_error(root, 0.5);
   const auto expected = errors_if_right(model, right, {drive.recording});
   ASSERT_TRUE(expected);
@@ -97,7 +97,7 @@ TEST(ExpectedErrors, AreThoseOfTheSimulation) {
   EXPECT_EQ(expected->worst_state, "x");
 }
 
-NoiseEstimate judged(const Drive& drive, const ExpectedErrorsOptions& further = {}) {
+NoiseEstimate judged(const DrivenRecording& drive, const ExpectedErrorsOptions& further = {}) {
   const YamlNode root = parse_yaml(kLevel, "level.yaml");
   const Model model = model_of(root, "level.yaml");
   NoiseMlOptions options;
@@ -125,7 +125,7 @@ TEST(ExpectedErrors, LargeOnesAreNotTrusted) {
 }
 
 TEST(ExpectedErrors, TrialsThatAreStoppedSayNothing) {
-  Drive drive = simulated(0.0, 20000, 3);
+  DrivenRecording drive = simulated(0.0, 20000, 3);
   for (Index t = 500; t < drive.truth.size(); t += 797) drive.recording.y(0, t) += 2.0;
   ExpectedErrorsOptions further;
   further.progress = [](const ModelExtension&) { return false; };
@@ -137,7 +137,7 @@ TEST(ExpectedErrors, TrialsThatAreStoppedSayNothing) {
 // Outliers 797 rows apart: no third or fifth row alone has all of them.
 // Innovations that a test rejects beyond doubt, and a filter that loses nothing worth a word.
 TEST(ExpectedErrors, SmallOnesLeaveTheResultInForce) {
-  Drive drive = simulated(0.0, 20000, 3);
+  DrivenRecording drive = simulated(0.0, 20000, 3);
   for (Index t = 500; t < drive.truth.size(); t += 797) drive.recording.y(0, t) += 2.0;
   const NoiseEstimate estimate = judged(drive);
   EXPECT_EQ(estimate.status, Status::ok) << estimate.message;
@@ -162,7 +162,7 @@ initial: {mean: {x: x0}}
 )",
                                    "growth.yaml");
   const Model model = model_of(root, "growth.yaml");
-  Drive drive = simulated(0.0, 200, 7);
+  DrivenRecording drive = simulated(0.0, 200, 7);
   Random random(8);
   for (Index t = 0; t < 200; ++t) {
     const double u = static_cast<double>(t) / 20.0;

@@ -1,9 +1,10 @@
 #include "identify/noise/internal/interval_end.h"
 
 #include <cmath>
-#include <limits>
 
 #include <gtest/gtest.h>
+
+#include "lib/base/constants.h"
 
 namespace identikal {
 namespace {
@@ -11,7 +12,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kTarget = 1.959964;
 
 // n samples of mean 5 and variance 4, under a Gaussian of mean x0 and variance x1.

@@ -17,7 +17,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-Model tracker(const std::string& next = "v") {
+Model turning_tracker(const std::string& next = "v") {
   return parse_model_file(
       "identikal: 1\nname: tracker\ntime: {kind: continuous, step: 0.1 s}\n"
       "parameters: {q: {value: 0.02, min: 0}, r: {value: 0.25, min: 0}, k: 1}\n"
@@ -59,7 +59,7 @@ Drive drive(Index rows, std::uint64_t seed) {
 
 TEST(Distance, GainsAddUpToTheWholeInTheirOrder) {
   const Drive here = drive(2000, 1);
-  Model model = tracker();
+  Model model = turning_tracker();
   model.parameters[0].value(0, 0) = 1.0;
   model.parameters[1].value(0, 0) = 0.01;
   const Model freed = with_free_noise(model);
@@ -82,7 +82,7 @@ TEST(Distance, ExcessOfStatesIsTheOneFound) {
     double found = 0.0, said = 0.0;
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
       const Drive here = drive(1500, seed);
-      Model model = tracker(next);
+      Model model = turning_tracker(next);
       const ParameterSet right = model.parameters;
       model.parameters[0].value(0, 0) = 2.0;
       const auto errors = [&](const ParameterSet& at) {
@@ -101,7 +101,7 @@ TEST(Distance, ExcessOfStatesIsTheOneFound) {
 
 TEST(Distance, OfTheLikeliestItselfIsNothing) {
   const Drive here = drive(1000, 3);
-  Model model = tracker();
+  Model model = turning_tracker();
   const Model freed = with_free_noise(model);
   model.parameters = retuned(freed, {here.data}).parameters;
   const StateExcess excess = state_excess(model, model.parameters, {here.data});

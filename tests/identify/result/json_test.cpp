@@ -130,16 +130,16 @@ bool same(const StoredEstimate& a, const StoredEstimate& b) {
   return same(sections_of(a), sections_of(b));
 }
 
-StoredResult read(const std::string& text) {
+StoredResult stored_result(const std::string& text) {
   StoredResult file;
   file.path = "result.json";
   file.text = text;
   return parse_stored_result(file);
 }
 
-std::string refusal(const std::string& text) {
+std::string refusal_of_result(const std::string& text) {
   try {
-    read(text);
+    stored_result(text);
   } catch (const InputError& error) {
     return error.what();
   }
@@ -149,9 +149,9 @@ std::string refusal(const std::string& text) {
 TEST(ResultJson, ComesBackAsItWasWritten) {
   for (unsigned seed = 1; seed <= 300; ++seed) {
     const std::string text = json(random_result(seed));
-    const StoredResult once = read(text);
+    const StoredResult once = stored_result(text);
     EXPECT_EQ(json(once.estimate), text) << "seed " << seed;
-    EXPECT_TRUE(same(read(json(once.estimate)).estimate, once.estimate));
+    EXPECT_TRUE(same(stored_result(json(once.estimate)).estimate, once.estimate));
   }
 }
 
@@ -160,7 +160,7 @@ TEST(ResultJson, OfVersion1ComesBackToo) {
   for (const auto& folder :
        std::filesystem::directory_iterator(IDENTIKAL_SOURCE_DIR "/tests/golden/result_v1")) {
     const StoredResult once = read_stored_result(folder.path().string());
-    const StoredResult again = read(json(once.estimate));
+    const StoredResult again = stored_result(json(once.estimate));
     EXPECT_TRUE(same(once.estimate, again.estimate)) << folder.path();
     ++found;
   }
@@ -172,32 +172,32 @@ TEST(ResultJson, WhatIsWrongIsSaidWithItsPlace) {
   e.parameters.resize(2);
   e.noise.Q = Eigen::MatrixXd::Ones(2, 2);
   const std::string text = json(e);
-  ASSERT_EQ(refusal(text), "");
+  ASSERT_EQ(refusal_of_result(text), "");
   const auto with = [&](const std::string& before, const std::string& now) {
     std::string out = text;
     const std::size_t at = out.rfind(before);
     EXPECT_NE(at, out.npos) << before;
     return out.replace(at, before.size(), now);
   };
-  EXPECT_EQ(refusal(with("\"se_sandwich\"", "\"other\"")),
+  EXPECT_EQ(refusal_of_result(with("\"se_sandwich\"", "\"other\"")),
             "result.json: 'parameters[1].se_sandwich' is missing; expected a result.json as -o "
             "writes it; run the job again with -o");
-  EXPECT_THAT(refusal(with("\"fixed\": false", "\"fixed\": 0")),
+  EXPECT_THAT(refusal_of_result(with("\"fixed\": false", "\"fixed\": 0")),
               HasSubstr("'parameters[1].fixed' is neither true nor false"));
-  EXPECT_THAT(refusal(with("\"verdict\": \"ok\"", "\"verdict\": \"fine\"")),
+  EXPECT_THAT(refusal_of_result(with("\"verdict\": \"ok\"", "\"verdict\": \"fine\"")),
               HasSubstr("'parameters[1].verdict' is \"fine\""));
-  EXPECT_THAT(refusal(with("\"evaluations\": 0", "\"evaluations\": 0.5")),
+  EXPECT_THAT(refusal_of_result(with("\"evaluations\": 0", "\"evaluations\": 0.5")),
               HasSubstr("'objective.evaluations' is no whole number"));
-  EXPECT_THAT(refusal(with("\"evaluations\": 0", "\"evaluations\": 5000000000")),
+  EXPECT_THAT(refusal_of_result(with("\"evaluations\": 0", "\"evaluations\": 5000000000")),
               HasSubstr("'objective.evaluations' is too large a number"));
-  EXPECT_THAT(refusal(with("\"notes\": []", "\"notes\": [\"a\", 1]")),
+  EXPECT_THAT(refusal_of_result(with("\"notes\": []", "\"notes\": [\"a\", 1]")),
               HasSubstr("'notes[1]' is no text"));
-  EXPECT_THAT(refusal(with("\"ci95\": [\n        null,", "\"ci95\": [")),
+  EXPECT_THAT(refusal_of_result(with("\"ci95\": [\n        null,", "\"ci95\": [")),
               HasSubstr("'parameters[1].ci95' is no interval"));
-  EXPECT_THAT(refusal(with("1.0,\n          1.0\n        ]\n      ]", "1.0]]")),
+  EXPECT_THAT(refusal_of_result(with("1.0,\n          1.0\n        ]\n      ]", "1.0]]")),
               HasSubstr("'noise.Q.matrix' has rows of different lengths"));
-  EXPECT_THAT(refusal(with("\"correlation\": {\n    \"names\": []",
-                           "\"correlation\": {\"names\": [\"a\"]")),
+  EXPECT_THAT(refusal_of_result(with("\"correlation\": {\n    \"names\": []",
+                                     "\"correlation\": {\"names\": [\"a\"]")),
               HasSubstr("'correlation' has other names than rows"));
 }
 

@@ -10,6 +10,7 @@
 #include "identify/vehicle/covariance.h"
 #include "identify/vehicle/starts.h"
 #include "identify/vehicle/tyre_saturation.h"
+#include "lib/base/constants.h"
 #include "lib/base/error.h"
 #include "lib/data/csv.h"
 #include "tests/support/shared_data.h"
@@ -20,8 +21,6 @@ namespace {
 
 using ::testing::HasSubstr;
 using namespace ::identikal::testing;  // NOLINT: the cases of tests/support
-
-constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 /// Every number that is offered as an error or an interval is one, or is absent altogether.
 void expect_no_pretence(const VehicleEstimate& estimate) {
@@ -226,11 +225,11 @@ TEST(VehicleFit, RunsInSegments) {
                                 [](double t) { return 16.0 + 3.0 * std::sin(0.5 * t); }),
                             {0.01, 0.03}, 7);
   data.dt = 0.01;
-  data.u.row(0).segment(700, 12).setConstant(kMissing);   // longer than max_gap
-  data.u.row(1).segment(1300, 20).setConstant(1.0);       // stands still
-  data.u(1, 1310) = kMissing;                             // a hole that is bridged
-  data.u.row(0).segment(1325, 12).setConstant(kMissing);  // leaves a fragment behind the stop
-  data.y.row(0).segment(100, 300).setConstant(kMissing);
+  data.u.row(0).segment(700, 12).setConstant(kNaN);   // longer than max_gap
+  data.u.row(1).segment(1300, 20).setConstant(1.0);   // stands still
+  data.u(1, 1310) = kNaN;                             // a hole that is bridged
+  data.u.row(0).segment(1325, 12).setConstant(kNaN);  // leaves a fragment behind the stop
+  data.y.row(0).segment(100, 300).setConstant(kNaN);
   const VehicleEstimate fit = fit_vehicle(sladka2010_model(), data);
   ASSERT_FALSE(fit.notes.empty());
   EXPECT_THAT(fit.notes[0], HasSubstr("in 4 segments"));
@@ -364,7 +363,7 @@ TEST(VehicleFit, BoundsAreReportedNotDressedUp) {
 TEST(VehicleFit, GivenNoiseIsUsedAndChecked) {
   const Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 13);
   Model model = sladka2010_model();
-  as_vehicle(model).measurement_sd = {0.01, kMissing};
+  as_vehicle(model).measurement_sd = {0.01, kNaN};
   const VehicleEstimate fit = fit_vehicle(model, data);
   EXPECT_EQ(derived(fit, "sd(r)")->value, 0.01);
   EXPECT_NEAR(derived(fit, "sd(vy)")->value, 0.03, 0.004);
@@ -652,18 +651,18 @@ TEST(VehicleFitRefuses, TooFewRows) {
     EXPECT_THAT(refusal(sladka2010_model(), part), HasSubstr("no usable segment")) << rows;
   }
   Dataset sparse = data;
-  sparse.y.setConstant(kMissing);
+  sparse.y.setConstant(kNaN);
   sparse.y.leftCols(2).setRandom();
   EXPECT_THAT(refusal(sladka2010_model(), sparse), HasSubstr("more samples than unknowns"));
 }
 
 TEST(VehicleFitRefuses, MissingInputs) {
   Dataset data = lane_change({}, 100.0);
-  data.u.row(1).setConstant(kMissing);
+  data.u.row(1).setConstant(kNaN);
   EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("700 without vx"));
   data = lane_change({}, 100.0);
   for (Eigen::Index t = 0; t < 700; ++t) {
-    if (t % 15 != 0) data.u(0, t) = kMissing;
+    if (t % 15 != 0) data.u(0, t) = kNaN;
   }
   EXPECT_THAT(refusal(sladka2010_model(), data), HasSubstr("without steering angle"));
   data.u.conservativeResize(1, Eigen::NoChange);
@@ -673,7 +672,7 @@ TEST(VehicleFitRefuses, MissingInputs) {
 TEST(VehicleFitRefuses, DeadOutputs) {
   Dataset data = with_noise(lane_change({}, 100.0), {0.01, 0.03}, 1);
   Dataset dead = data;
-  dead.y.setConstant(kMissing);
+  dead.y.setConstant(kNaN);
   EXPECT_THAT(refusal(sladka2010_model(), dead), HasSubstr("output 'r' has no sample"));
   dead = data;
   dead.y.row(0).setConstant(0.1);

@@ -1,11 +1,11 @@
 // The state that a watcher is shown is the filter's own, and its derivatives are those of
 // differences, with missing samples and a diffuse start, linear and not.
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "lib/base/constants.h"
 #include "lib/base/random.h"
 #include "lib/filter/kalman.h"
 #include "lib/nonlinear/filter.h"
@@ -17,8 +17,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 // A mass that drifts, seen by two sensors; theta = (damping, gain of C, Q, R(1,1)).
 StateSpace drifting_mass(const Eigen::Vector4d& theta) {
@@ -53,8 +51,8 @@ class LinearStates : public testing::TestWithParam<InitialState> {
       y.col(t) << random.normal(), random.normal();
       u(0, t) = random.normal();
     }
-    y(0, 4) = y(1, 7) = kMissing;
-    y.col(9).setConstant(kMissing);
+    y(0, 4) = y(1, 7) = kNaN;
+    y.col(9).setConstant(kNaN);
   }
   Shown shown_at(const Eigen::Vector4d& theta) const {
     Shown out;
@@ -117,8 +115,8 @@ class ManyStates : public testing::Test {
     for (int i = 0; i < 11; ++i) directions.push_back(random_direction(random, model));
     y = random_matrix(random, 2, 400);
     u = random_matrix(random, 1, 400);
-    y(0, 120) = y(1, 300) = kMissing;
-    y.middleCols(301, 3).setConstant(kMissing);
+    y(0, 120) = y(1, 300) = kNaN;
+    y.middleCols(301, 3).setConstant(kNaN);
   }
   StateSpace moved(std::size_t i, double by) const {
     StateSpace out = model;
@@ -180,7 +178,7 @@ TEST_P(NonlinearStates, HaveTheDerivativesOfDifferences) {
   const Index rows = 12;
   MatrixXd y(1, rows);
   for (Index t = 0; t < rows; ++t) y(0, t) = std::sin(0.5 * static_cast<double>(t));
-  y(0, 5) = kMissing;
+  y(0, 5) = kNaN;
   const InputNodes inputs = input_nodes(VectorXd::LinSpaced(rows, 0.0, 11.0), MatrixXd(0, rows),
                                         InputPath::constant, 100.0);
   NonlinearFilterOptions options;

@@ -1,11 +1,10 @@
 // The filter that takes one sample at a time is the filter of the whole recording.
 #include "lib/filter/online_filter.h"
 
-#include <limits>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "lib/base/constants.h"
 #include "lib/filter/kalman.h"
 #include "lib/filter/smoother.h"
 #include "tests/support/random_model.h"
@@ -16,8 +15,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 struct Case {
   Index states, inputs, outputs;

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "lib/base/constants.h"
 #include "lib/base/random.h"
 
 namespace identikal {
@@ -13,14 +14,13 @@ namespace {
 
 // Against the definition, mean by mean, over the samples that both have.
 TEST(PairedCorrelation, IsThatOfTheSamplesThatAreThere) {
-  constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
   Random random(1);
   Eigen::VectorXd x(200), y(200);
   for (Eigen::Index i = 0; i < 200; ++i) {
     x[i] = 3.0 + random.normal();
     y[i] = -7.0 - 2.0 * x[i] + random.normal();
-    if (i % 7 == 0) x[i] = kMissing;
-    if (i % 5 == 0) y[i] = kMissing;
+    if (i % 7 == 0) x[i] = kNaN;
+    if (i % 5 == 0) y[i] = kNaN;
   }
   std::vector<double> a, b;
   for (Eigen::Index i = 0; i < 200; ++i) {

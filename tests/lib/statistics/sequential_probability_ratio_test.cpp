@@ -1,13 +1,13 @@
 #include "lib/statistics/sequential_probability_ratio.h"
 
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <gtest/gtest.h>
 
+#include "lib/base/constants.h"
 #include "lib/base/random.h"
 #include "tests/support/random_model.h"
 
@@ -17,8 +17,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-const double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 SequentialDecision run(SequentialProbabilityRatio& test, const MatrixXd& e) {
   for (Index t = 0; t < e.cols(); ++t) {
@@ -120,7 +118,7 @@ TEST(SequentialProbabilityRatio, MissingSamplesAreLeftOutWithTheirHistory) {
   SequentialProbabilityRatio gaps = start_sequential_probability_ratio(1, never({1})), plain = gaps;
   for (Index t = 0; t < 200; ++t) {
     update(gaps, e.segment(t, 1));
-    if (t == 100) update(gaps, VectorXd::Constant(1, kMissing));
+    if (t == 100) update(gaps, VectorXd::Constant(1, kNaN));
     update(plain, e.segment(t, 1));
   }
   EXPECT_EQ(gaps.samples, 200);
@@ -131,7 +129,7 @@ TEST(SequentialProbabilityRatio, MissingSamplesAreLeftOutWithTheirHistory) {
 }
 
 TEST(SequentialProbabilityRatio, NothingIsDecidedFromNothing) {
-  for (const double value : {0.0, kMissing, HUGE_VAL}) {
+  for (const double value : {0.0, kNaN, HUGE_VAL}) {
     SequentialProbabilityRatio test = start_sequential_probability_ratio(2, {});
     EXPECT_EQ(run(test, MatrixXd::Constant(2, 3000, value)), SequentialDecision::undecided);
     EXPECT_EQ(test.log_coloured, 0.0);

@@ -2,11 +2,11 @@
 
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <numbers>
 
 #include <gtest/gtest.h>
 
+#include "lib/base/constants.h"
 #include "lib/base/random.h"
 
 namespace identikal::yaw_change_test {
@@ -14,8 +14,6 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
-
-constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 VectorXd times(double seconds, double rate) {
   const auto n = static_cast<Index>(std::lround(seconds * rate));
@@ -81,13 +79,13 @@ TEST(YawChange, GoesNotAcrossGaps) {
   const double across = yaw_change(t, r, 0.5);
   EXPECT_GT(across, 0.2);
   VectorXd missing = r;
-  missing.segment(1995, 10).setConstant(kMissing);
+  missing.segment(1995, 10).setConstant(kNaN);
   EXPECT_EQ(yaw_change(t, missing, 0.5), 0.0);
   t.tail(2000).array() -= 19.0;
   EXPECT_EQ(yaw_change(t, r, 0.5), 0.0);
   EXPECT_TRUE(std::isnan(yaw_change(t.head(100), r.head(100), 0.5)));
   EXPECT_TRUE(std::isnan(yaw_change(VectorXd(), VectorXd(), 0.5)));
-  EXPECT_TRUE(std::isnan(yaw_change(t, VectorXd::Constant(t.size(), kMissing), 0.5)));
+  EXPECT_TRUE(std::isnan(yaw_change(t, VectorXd::Constant(t.size(), kNaN), 0.5)));
 }
 
 }  // namespace
