@@ -637,8 +637,7 @@ bool has_rows_absent(const Eigen::VectorXd& time, double step) {
 
 Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
   if (!(step > 0.0) || !std::isfinite(step)) {
-    throw std::invalid_argument("on_uniform_grid: step is " + number(step) +
-                                ", it must be positive and finite");
+    throw std::invalid_argument("on_uniform_grid: step " + number(step) + ", not in (0, inf)");
   }
   const Index n = data.size();
   const double most = 10.0 * static_cast<double>(n);
@@ -649,14 +648,15 @@ Dataset on_uniform_grid(const Dataset& data, double step, double tolerance) {
     const double whole = std::round(steps);
     if (!(whole >= 1.0 && std::abs(steps - whole) <= tolerance)) {
       const double grid = grid_of(data.time.data(), data.time.data() + n);
-      throw InputError({data.name},
-                       "time " + number(data.time[i]) + " s is " + rounded(steps) +
-                           " steps after the row before",
-                       "a whole number of steps of " + rounded(step) + " s",
-                       grid > 0.0 ? "the stamps are on a grid of " + rounded(grid) +
-                                        " s with rows absent: 'step: " + rounded(grid) +
-                                        " s' under 'time' in the model file takes them so"
-                                  : "resample the recording, or use a continuous-time model");
+      throw InputError(
+          {data.name},
+          "time " + number(data.time[i]) + " s is " + rounded(steps) +
+              " steps after the row before",
+          "a whole number of steps of " + rounded(step) + " s",
+          grid > 0.0 ? "the stamps are on a grid of " + rounded(grid) +
+                           " s with rows absent: 'step: " + rounded(grid) +
+                           " s' under 'time' in the model file takes them so"
+                     : "resample the recording; or, in continuous time, 'sampling: irregular'");
     }
     k += whole;
     if (k + 1.0 > most) {

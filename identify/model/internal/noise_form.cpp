@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/model/internal/yaml_tree.h"
 #include "identify/model/model_values.h"
 #include "lib/data/units.h"
 #include "lib/formula/formula_graph.h"
@@ -322,8 +323,11 @@ LinearModel::StartOfState read_start_of(const YamlNode& node, const std::string&
     if (const auto value = number_in_si(entry, about, wanted, physical.with_units, spread)) {
       return *value;
     }
-    throw InputError(entry.at, fmt::format("{} is {}", about, describe(entry)),
-                     "a number, diffuse or stationary");
+    throw InputError(
+        entry.at, fmt::format("{} is {}", about, describe(entry)),
+        has_names
+            ? "a number, diffuse or stationary; or of every state a mean, a parameter or a formula"
+            : "a number, diffuse or stationary");
   };
   if (node.kind != YamlNode::Kind::mapping) return {state, number(node, "value", false), 0.0};
   check_keys(node, name, {"mean", "sd"});
@@ -379,6 +383,33 @@ bool is_by_state(const YamlNode& initial) {
     return key.text == "mean" || key.text == "sd" || key.text == "covariance" ||
            key.text == "diffuse";
   });
+}
+
+// {phi: 10 deg, w: {mean: w0, sd: s}} of states that all have a mean is {mean: {...}, sd: {...}}, where formulas may
+// stand. A word that is no parameter's name is not taken for a formula: the reader of words says what it may be.
+std::optional<YamlNode> as_moments(const YamlNode& by_state, const std::vector<std::string>& states,
+                                   const std::vector<std::string>& parameters) {
+  YamlNode mean = yaml_mapping(), sd = yaml_mapping(), out = yaml_mapping();
+  out.at = mean.at = sd.at = by_state.at;
+  for (const std::string& state : states) {
+    const YamlNode* entry = find(by_state, state);
+    if (entry == nullptr) return std::nullopt;
+    const YamlNode* of_mean = entry;
+    if (entry->kind == YamlNode::Kind::mapping) {
+      check_keys(*entry, state, {"mean", "sd"});
+      of_mean = find(*entry, "mean");
+      if (const YamlNode* spread = find(*entry, "sd")) append(sd, state, *spread);
+    }
+    if (of_mean == nullptr || of_mean->kind != YamlNode::Kind::scalar) return std::nullopt;
+    const bool is_word = is_name(of_mean->text);
+    if (is_word && !std::count(parameters.begin(), parameters.end(), of_mean->text)) {
+      return std::nullopt;
+    }
+    append(mean, state, *of_mean);
+  }
+  append(out, "mean", mean);
+  if (!sd.keys.empty()) append(out, "sd", sd);
+  return out;
 }
 
 }  // namespace
@@ -483,9 +514,14 @@ void read_initial(const YamlNode& root, const PhysicalNames& physical, NamedPara
     return;
   }
   const std::vector<std::string> names = state_names(physical, model.A.constant.rows());
+  std::optional<YamlNode> moments;
   if (!node->keys.empty() && is_by_state(*node)) {
-    read_initial_by_state(*node, names, physical, model);
-    return;
+    if (!physical.states.empty()) moments = as_moments(*node, names, parameters.names);
+    if (!moments) {
+      read_initial_by_state(*node, names, physical, model);
+      return;
+    }
+    node = &*moments;
   }
   check_keys(*node, "initial", {"mean", "sd", "covariance", "diffuse"});
   if (const YamlNode* diffuse = find(*node, "diffuse")) {

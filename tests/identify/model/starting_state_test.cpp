@@ -171,5 +171,18 @@ TEST(StartingState, MistakesAreShownWhereTheyStand) {
                          "state; expected states that follow from their start alone"));
 }
 
+// By states or by moments, an initial value is the same formula of parameters.
+TEST(StartingState, OfEachStateMayBeAFormula) {
+  const Model by_state = parsed_gene(gene("{m: {mean: 2*k, sd: 0.3}, a: d}"));
+  const Model by_moments = parsed_gene(gene("{mean: {m: 2*k, a: d}, sd: {m: 0.3}}"));
+  const Dataset data = seen_gene(by_moments);
+  const VectorXd at = VectorXd{{0.6, 0.2, 0.15}};
+  EXPECT_EQ(gene_value(by_state, data, at), gene_value(by_moments, data, at));
+  EXPECT_THAT(gene_refusal(gene("{m: 1, a: difuse}")),
+              ::testing::HasSubstr("a parameter or a formula"));
+  EXPECT_THAT(gene_refusal(gene("{m: diffuse, a: d}")),
+              ::testing::HasSubstr("of every state a mean"));
+}
+
 }  // namespace
 }  // namespace identikal
