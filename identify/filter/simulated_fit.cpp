@@ -160,6 +160,8 @@ void report_simulation(FilterEstimate& estimate, const Model& model, const Param
     append(errors, simulation_errors(model, parameters, data));
   }
   estimate.simulation = fits_of(recordings[0].outputs, y, errors);
+  // A model that was fitted by its simulation is judged by it, whatever it explains.
+  if (estimate.objective.method == kSimulationMethod) return;
   const std::string why = why_no_simulation(model, parameters, recordings[0], estimate.simulation);
   if (why.empty()) return;
   estimate.simulation.clear();
@@ -206,7 +208,10 @@ void report_hold_out(FilterEstimate& estimate, const Model& model,
     check_held_out(estimate, standardised);
   }
   estimate.hold_out = fits_of(outputs, y, y - simulated);
-  const std::string why = why_no_simulation(model, end, held_out[0].recording, estimate.hold_out);
+  std::string why;
+  if (estimate.objective.method != kSimulationMethod) {
+    why = why_no_simulation(model, end, held_out[0].recording, estimate.hold_out);
+  }
   if (!why.empty()) {
     estimate.hold_out.clear();
     simulated.setConstant(kNone);

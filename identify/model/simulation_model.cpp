@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "identify/model/matrix_reader.h"
 #include "identify/model/parameter_prior.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
@@ -47,6 +48,12 @@ ParametrisedMatrix unknown_start(Model& model, const StateSpace& written, std::s
   return out;
 }
 
+// The unit of a variance.
+std::string unit_squared(const std::string& unit) {
+  if (unit.empty()) return "";
+  return is_name(unit) ? unit + "^2" : "(" + unit + ")^2";
+}
+
 // A variance of its own for the errors of every output.
 ParametrisedMatrix own_variances(Model& model, const StateSpace& written) {
   const Index ny = written.R.rows();
@@ -54,28 +61,54 @@ ParametrisedMatrix own_variances(Model& model, const StateSpace& written) {
   for (Index j = 0; j < ny; ++j) {
     const ChannelSource& output = model.outputs[static_cast<std::size_t>(j)];
     const double value = written.R(j, j) > 0.0 ? written.R(j, j) : 1.0;
-    const int unknown = add_unknown(model.parameters, "var_" + output.name, "", value, 0.0);
+    const int unknown = add_unknown(
+        model.parameters, "var_" + output.name,
+        output.transform == Transform::none ? unit_squared(output.unit) : "", value, 0.0);
     out.entries.push_back({static_cast<int>(j), static_cast<int>(j), unknown, 1.0});
   }
   return out;
 }
 
-// Does each output have a variance that is a free parameter, and nothing else is?
+// Is a formula a multiple of its parameter, or of its square, as a standard deviation's variance is?
+bool is_size(const Model& model, const ParametrisedMatrix::Formula& formula, int parameter) {
+  const auto at = [&](double value) {
+    ParameterSet values = model.parameters;
+    values[static_cast<std::size_t>(parameter)].value.setConstant(value);
+    return written_matrices(noise_model(model), values).R(formula.row, formula.col);
+  };
+  const double ratio = at(2.0) / at(1.0);
+  constexpr double kRounding = 1e-12;
+  return std::abs(ratio - 2.0) < kRounding || std::abs(ratio - 4.0) < kRounding;
+}
+
+// Does each output have a variance or a standard deviation that is a free parameter, and nothing
+// else is?
 bool has_own_variances(const Model& model) {
   const LinearModel& noise = noise_model(model);
   const ParametrisedMatrix& R = noise.R;
-  if (R.block >= 0 || !R.formulas.empty() || !R.constant.isZero(0.0)) return false;
+  if (R.block >= 0 || !R.constant.isZero(0.0)) return false;
   const std::vector<Index>& column = as_formulas(model).equations.column;
   const std::vector<int> of_start = parameters_in(noise.x0);
-  std::vector<int> entries(model.outputs.size(), 0);
-  for (const ParametrisedMatrix::Entry& entry : R.entries) {
-    const auto p = static_cast<std::size_t>(entry.parameter);
+  std::vector<int> sizes(model.outputs.size(), 0);
+  const auto takes = [&](int row, int col, int parameter) {
+    const auto p = static_cast<std::size_t>(parameter);
     const bool moves = (p < column.size() && column[p] >= 0) ||
-                       std::count(of_start.begin(), of_start.end(), entry.parameter) > 0;
-    if (entry.row != entry.col || moves || model.parameters[p].fixed) return false;
-    ++entries[static_cast<std::size_t>(entry.row)];
+                       std::count(of_start.begin(), of_start.end(), parameter) > 0;
+    if (row != col || moves || model.parameters[p].fixed) return false;
+    ++sizes[static_cast<std::size_t>(row)];
+    return true;
+  };
+  for (const ParametrisedMatrix::Entry& entry : R.entries) {
+    if (!takes(entry.row, entry.col, entry.parameter)) return false;
   }
-  return std::all_of(entries.begin(), entries.end(), [](int n) { return n == 1; });
+  for (const ParametrisedMatrix::Formula& formula : R.formulas) {
+    if (formula.moves || formula.parameters.size() != 1) return false;
+    const int parameter = formula.parameters.front();
+    if (!takes(formula.row, formula.col, parameter) || !is_size(model, formula, parameter)) {
+      return false;
+    }
+  }
+  return std::all_of(sizes.begin(), sizes.end(), [](int n) { return n == 1; });
 }
 
 // What moves nothing any more.

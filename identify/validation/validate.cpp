@@ -225,8 +225,11 @@ Validation validate_filter(const ResultSections& validated, const Model& written
   out.model_name = model.name;
   list_parameters(out, model.parameters, model.parameters);
   for (EstimatedParameter& p : out.parameters) p.fixed = true;
+  out.objective.method = result.objective.method;  // decides whether the simulation counts
   const std::vector<FilterResult> filters = report_filter(out, model, model.parameters, recordings);
   if (result.objective.method == kSimulationMethod) {
+    const bool starts_known = written_matrices(noise_model(model), model.parameters).P0.isZero(0.0);
+    if (starts_known) return out;
     out.notes.emplace_back(
         "the start of each recording is what its own outputs make likeliest; nothing else is "
         "refitted");

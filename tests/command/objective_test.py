@@ -66,6 +66,28 @@ class Objective(unittest.TestCase):
             other = made.write("other.csv", tank(300, 3, 2, linear=True))
             self.assertEqual("rejected", result("validate", made.path / "fitted", other, code=1)["status"]["code"])
 
+    def test_a_model_that_runs_away_holds_nowhere(self):
+        growing = LINEAR.replace("k: {value: 0.3 1/s, min: 0.01, max: 1}", "k: {value: -0.02 1/s}")
+        with Folder() as made:
+            model = made.write("growing.yaml", growing)
+            first, second = (run("simulate", model, "-n", str(rows), "--seed", str(rows)).stdout for rows in (60, 200))
+            one, two = made.write("one.csv", first), made.write("two.csv", second.replace("-", ""))
+            run("fit", model, one, "--objective", "simulation", "-o", made.path / "fitted")
+            found = result("validate", made.path / "fitted", two, code=1)
+            self.assertEqual("rejected", found["status"]["code"])
+            self.assertIn("y", found["fit"]["simulation"])
+
+    def test_a_standard_deviation_keeps_its_name(self):
+        by_sd = TANK.replace("r: {value: 1e-4, min: 0}", "r: {value: 0.02, min: 0}").replace("variance: {y: r}", "sd: {y: r}")
+        with Folder() as made:
+            log = made.write("log.csv", tank(300, 1, 1))
+            found = [values(result("fit", made.write("tank.yaml", text), log, "--objective", "simulation")) for text in (TANK, by_sd)]
+            self.assertEqual(found[0].keys(), found[1].keys())
+            self.assertAlmostEqual(found[0]["r"], found[1]["r"] ** 2, delta=1e-6 * found[0]["r"])
+            fixed = made.write("fixed.yaml", TANK.replace("variance: {y: r}", "sd: {y: 20 %}").replace("  r: {value: 1e-4, min: 0}\n", ""))
+            unit = {p["name"]: p["unit"] for p in result("fit", fixed, log, "--objective", "simulation")["parameters"]}
+            self.assertEqual("1^2", unit["var_y"])
+
     def test_held_out_rows_are_simulated_on(self):
         with Folder() as made:
             model, log = made.write("tank.yaml", TANK), made.write("log.csv", tank(400, 1, 1))
