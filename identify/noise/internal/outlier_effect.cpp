@@ -24,8 +24,13 @@ VectorXd standard_errors(RecordingsLikelihood& likelihood, const ParameterSet& a
   const Likelihood* there = likelihood.evaluate(at, true);
   VectorXd out = VectorXd::Constant(free_entries(at).size(), kNone);
   if (there == nullptr) return out;
-  const auto covariance = scaled_inverse(there->information, 1e-9);
-  if (covariance) out = covariance->diagonal().cwiseSqrt();
+  // A standard deviation at zero has no slope, and no error.
+  std::vector<Index> sloping;
+  for (Index i = 0; i < out.size(); ++i) {
+    if (there->information(i, i) > 0.0) sloping.push_back(i);
+  }
+  const auto covariance = scaled_inverse(there->information(sloping, sloping), 1e-9);
+  if (covariance) out(sloping) = covariance->diagonal().cwiseSqrt();
   return out;
 }
 
@@ -43,7 +48,7 @@ OutlierEffect outlier_effect(const Estimate& estimate, const Model& model, const
   const VectorXd from = free_entries(end), to = free_entries(without);
   const VectorXd se = standard_errors(likelihood, without);
   OutlierEffect out;
-  double most = -1.0;
+  double most = 0.0;
   Index i = -1;
   for (const EstimatedParameter& p : estimate.parameters) {
     if (p.fixed) continue;

@@ -19,6 +19,7 @@
 #include "identify/noise/internal/root_coordinates.h"
 #include "identify/noise/internal/scattered_start.h"
 #include "identify/noise/internal/shot_starts.h"
+#include "identify/noise/internal/zero_noise.h"
 #include "identify/shooting/shooting.h"
 #include "lib/base/random.h"
 #include "solvers/covariance.h"
@@ -42,23 +43,9 @@ constexpr int kFromShot = 60;          // behind it, from where multiple shootin
 constexpr int kByCurvature = 40, kCurvatureSteps = 60;  // unknowns at most, steps
 constexpr double kPlateau = 1e-12;  // expected gain that is none: slopes of a plateau are as small
 
-struct Point {
-  VectorXd x;
-  double L = 0.0;
-  VectorXd gradient;
-  MatrixXd information;
-};
-
-std::optional<Point> point_at(const LikelihoodProblem& problem, const VectorXd& x) {
-  Point out;
-  out.x = x;
-  if (!problem.evaluate(x, out.L, &out.gradient, &out.information)) return std::nullopt;
-  return out;
-}
-
 // Where a variance is as good as zero, what it drives may lie anywhere, and the likelihood rises
 // elsewhere on that plateau. What changes nothing when it moves by its own size does not matter.
-bool every_coordinate_matters(const Point& at) {
+bool every_coordinate_matters(const LikelihoodPoint& at) {
   constexpr double kNothing = 2.0 * kNegligible;
   const VectorXd size = at.x.cwiseAbs().cwiseMax(1e-300);
   const VectorXd weight = at.information.diagonal().array() * size.array().square();
@@ -88,7 +75,7 @@ std::optional<NoiseScales> scales_to_profile(const Model& model) {
 }
 
 // From beside the end, does a search come back to it?
-bool nothing_near_is_higher(const LikelihoodProblem& problem, const Point& end) {
+bool nothing_near_is_higher(const LikelihoodProblem& problem, const LikelihoodPoint& end) {
   constexpr double kBeside = 0.5;  // standard errors, each coordinate by itself
   Random random(1);
   for (int k = 0; k < 2; ++k) {
@@ -106,7 +93,7 @@ bool nothing_near_is_higher(const LikelihoodProblem& problem, const Point& end) 
 
 bool is_other_maximum(const LikelihoodProblem& problem, const Solution& solution) {
   if (!solution.summary.usable()) return false;
-  const std::optional<Point> end = point_at(problem, solution.x);
+  const std::optional<LikelihoodPoint> end = point_at(problem, solution.x);
   return end && every_coordinate_matters(*end) && nothing_near_is_higher(problem, *end);
 }
 
@@ -117,16 +104,10 @@ bool only_noise_is_free(const Model& model) {
   return std::all_of(by.begin(), by.end(), changes_only_noise);
 }
 
-// A variance that is zero, or that its own error does not tell from it.
-bool may_be_zero(const LikelihoodProblem& problem, const Point& at, Index i) {
-  constexpr double kTold = 4.0;  // squared value over squared error
-  return problem.lower[i] == 0.0 && !(at.x[i] * at.x[i] * at.information(i, i) > kTold);
-}
-
 // Does the end of the first search leave a doubt that it is the only maximum? Of variances alone,
 // all of them well above zero, it hardly ever is not.
 bool is_doubted(const Model& model, const LikelihoodProblem& problem,
-                const std::optional<Point>& end) {
+                const std::optional<LikelihoodPoint>& end) {
   if (!end || !only_noise_is_free(model)) return true;
   if ((end->x.array() <= problem.lower.array()).any() ||
       (end->x.array() >= problem.upper.array()).any()) {
@@ -137,43 +118,6 @@ bool is_doubted(const Model& model, const LikelihoodProblem& problem,
     if (may_be_zero(problem, *end, i)) return true;
   }
   return false;
-}
-
-// Where a variance that ended at zero is so large that samples tell it well, all else as it was
-// found: the likelihood may have a maximum there too, which scattered starts meet by luck alone.
-std::optional<VectorXd> with_variance_raised(const LikelihoodProblem& problem, const Point& found,
-                                             Index i, double samples) {
-  constexpr double kTold = 0.05, kStep = 10.0;  // of the information in `samples` values
-  constexpr int kMostSteps = 12;
-  if (!(found.information(i, i) > 0.0)) return std::nullopt;
-  VectorXd x = found.x;
-  x[i] = 1.0 / std::sqrt(found.information(i, i));
-  for (int step = 0; step < kMostSteps; ++step) {
-    x[i] = std::min(kStep * x[i], problem.upper[i]);
-    const std::optional<Point> at = point_at(problem, x);
-    if (!at) return std::nullopt;
-    if (at->information(i, i) * x[i] * x[i] > kTold * samples || x[i] >= problem.upper[i]) return x;
-  }
-  return std::nullopt;
-}
-
-// Such places for each variance at zero, and where there are several, for all of them together.
-std::vector<VectorXd> variances_raised(const LikelihoodProblem& problem,
-                                       const std::optional<Point>& found, double samples,
-                                       bool together) {
-  constexpr std::size_t kMost = 6;
-  std::vector<VectorXd> out;
-  if (!found) return out;
-  VectorXd all = found->x;
-  for (Index i = 0; i < all.size() && out.size() < kMost; ++i) {
-    if (!may_be_zero(problem, *found, i)) continue;
-    const std::optional<VectorXd> raised = with_variance_raised(problem, *found, i, samples);
-    if (!raised) continue;
-    all[i] = (*raised)[i];
-    out.push_back(*raised);
-  }
-  if (together && out.size() > 1) out.push_back(all);
-  return out;
 }
 
 // One search, in the factors' coordinates.
@@ -203,7 +147,8 @@ class Searches {
         samples_(samples) {}
 
   // @param known  a maximum that need not be found twice
-  Search run(const LikelihoodProblem& problem, int start, const std::optional<Point>& known) {
+  Search run(const LikelihoodProblem& problem, int start,
+             const std::optional<LikelihoodPoint>& known) {
     Search out;
     SolverOptions solver = search_options();
     if (exact_slopes_) {
@@ -241,6 +186,7 @@ class Searches {
       out.solution = maximise(watched, out.solution.x, solver);
       add_effort(approach, out.solution.summary);
     }
+    leave_zero(problem, watched, from, solver, out);
     SolverSummary& summary = out.solution.summary;
     if (approaches) summary.initial_objective = at_start;
     out.path.insert(out.path.begin(), summary.initial_objective);
@@ -305,6 +251,22 @@ class Searches {
     to.evaluations += of.evaluations;
   }
 
+  // On from standard deviations of zero that are no maximum.
+  void leave_zero(const LikelihoodProblem& problem, const LikelihoodProblem& watched,
+                  const VectorXd& from, const SolverOptions& solver, Search& out) const {
+    constexpr int kMost = 3;
+    if (roots_.any()) return;
+    for (int k = 0; k < kMost && !out.arrived && !out.told_to_stop; ++k) {
+      const SolverSummary before = out.solution.summary;
+      if (!before.usable()) return;
+      const std::optional<VectorXd> higher = off_zero(problem, from, out.solution.x);
+      if (!higher) return;
+      out.solution = maximise(watched, *higher, solver);
+      out.solution.summary.initial_objective = before.initial_objective;
+      add_effort(before, out.solution.summary);
+    }
+  }
+
   // Where roots must stay outside the unit circle: by partial autocorrelations, and what is left of
   // the way by the coefficients themselves, unless it has ended on the circle.
   void within_roots(const LikelihoodProblem& problem, const VectorXd& from,
@@ -346,7 +308,7 @@ class Searches {
   }
 
   // Within half a standard error, as the quadratic about the maximum has it.
-  static bool is_beside(const Point& known, const VectorXd& x, double L) {
+  static bool is_beside(const LikelihoodPoint& known, const VectorXd& x, double L) {
     constexpr double kNear = 0.25;
     const VectorXd d = x - known.x;
     const bool no_higher = L < known.L + kSameMaximum;
@@ -392,7 +354,7 @@ class Searches {
                    Solution& solution) const {
     constexpr int kTries = 3;
     constexpr double kBeside = 0.3, kSingular = 1e-8;
-    const std::optional<Point> end = point_at(problem, solution.x);
+    const std::optional<LikelihoodPoint> end = point_at(problem, solution.x);
     if (!end || scaled_inverse(end->information, kSingular)) return;
     Random random(1);
     for (int k = 0; k < kTries; ++k) {
@@ -447,7 +409,8 @@ bool is_better(const SolverSummary& than, const SolverSummary& one) {
 // The searches from starts `from` .. count - 1, some at a time.
 void run_others(Searches& searches, RecordingsLikelihood& likelihood,
                 const LikelihoodProblem& problem, const FactorCoordinates& factors, int threads,
-                std::size_t from, const std::optional<Point>& known, std::vector<Search>& all) {
+                std::size_t from, const std::optional<LikelihoodPoint>& known,
+                std::vector<Search>& all) {
   const auto others = static_cast<int>(all.size() - from);
   const bool cheap = likelihood.is_cheap();
   in_parallel(others, cheap ? 1 : threads, [&](int i) {
@@ -531,7 +494,7 @@ std::vector<Search> search_all(Searches& searches, RecordingsLikelihood& likelih
   };
   const bool free_choice = options.starts == 0, around = searches.look_around();
   const bool alone = !free_choice && searches.size() == 1 && !around;
-  const std::optional<Point> first = alone ? std::nullopt : point_of(all[0]);
+  const std::optional<LikelihoodPoint> first = alone ? std::nullopt : point_of(all[0]);
   if (free_choice && !is_doubted(likelihood.model(), problem, first)) return all;
   const bool directed = free_choice && !around && only_noise_is_free(likelihood.model());
   // Where roots must stay outside the unit circle, and of variances at zero, a better maximum is a
