@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "identify/model/matrix_reader.h"
 #include "identify/model/parameter_prior.h"
 #include "lib/base/constants.h"
 #include "lib/base/error.h"
@@ -50,8 +49,8 @@ ParametrisedMatrix unknown_start(Model& model, const StateSpace& written, std::s
 
 // The unit of a variance.
 std::string unit_squared(const std::string& unit) {
-  if (unit.empty()) return "";
-  return is_name(unit) ? unit + "^2" : "(" + unit + ")^2";
+  if (unit.empty() || unit == "1") return unit;
+  return unit.find_first_of(" */^") == std::string::npos ? unit + "^2" : "(" + unit + ")^2";
 }
 
 // A variance of its own for the errors of every output.

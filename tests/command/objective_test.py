@@ -67,15 +67,16 @@ class Objective(unittest.TestCase):
             self.assertEqual("rejected", result("validate", made.path / "fitted", other, code=1)["status"]["code"])
 
     def test_a_model_that_runs_away_holds_nowhere(self):
-        growing = LINEAR.replace("k: {value: 0.3 1/s, min: 0.01, max: 1}", "k: {value: -0.02 1/s}")
+        model_of_growth = LINEAR.replace("k: {value: 0.3 1/s, min: 0.01, max: 1}", "k: {value: -0.02 1/s}")
         with Folder() as made:
-            model = made.write("growing.yaml", growing)
-            first, second = (run("simulate", model, "-n", str(rows), "--seed", str(rows)).stdout for rows in (60, 200))
-            one, two = made.write("one.csv", first), made.write("two.csv", second.replace("-", ""))
+            draw = random.Random(3)
+            growing = "".join(f"1,{15 * (math.exp(0.02 * t) - 1) + 0.01 * draw.gauss(0, 1):.9g}\n" for t in range(60))
+            model, one, two = (made.write(*file) for file in (("growing.yaml", model_of_growth), ("one.csv", "u,y\n" + growing),
+                                                              ("two.csv", tank(300, 3, 2, linear=True))))
             run("fit", model, one, "--objective", "simulation", "-o", made.path / "fitted")
             found = result("validate", made.path / "fitted", two, code=1)
             self.assertEqual("rejected", found["status"]["code"])
-            self.assertIn("y", found["fit"]["simulation"])
+            self.assertLess(found["fit"]["simulation"]["y"]["fit_percent"], 0)
 
     def test_a_standard_deviation_keeps_its_name(self):
         by_sd = TANK.replace("r: {value: 1e-4, min: 0}", "r: {value: 0.02, min: 0}").replace("variance: {y: r}", "sd: {y: r}")
@@ -84,9 +85,23 @@ class Objective(unittest.TestCase):
             found = [values(result("fit", made.write("tank.yaml", text), log, "--objective", "simulation")) for text in (TANK, by_sd)]
             self.assertEqual(found[0].keys(), found[1].keys())
             self.assertAlmostEqual(found[0]["r"], found[1]["r"] ** 2, delta=1e-6 * found[0]["r"])
-            fixed = made.write("fixed.yaml", TANK.replace("variance: {y: r}", "sd: {y: 20 %}").replace("  r: {value: 1e-4, min: 0}\n", ""))
+            fixed = made.write("fixed.yaml", TANK.replace("variance: {y: r}", "sd: {y: 0.2}").replace("  r: {value: 1e-4, min: 0}\n", ""))
             unit = {p["name"]: p["unit"] for p in result("fit", fixed, log, "--objective", "simulation")["parameters"]}
-            self.assertEqual("1^2", unit["var_y"])
+            self.assertEqual("1", unit["var_y"])
+            rows = [line.split(",") for line in tank(300, 1, 1, linear=True).split()[1:]]
+            centimetres = "u,y\n" + "".join(f"{u},{100 * float(y):.9g}\n" for u, y in rows)
+            cm = made.write("cm.yaml", """identikal: 1
+time: {kind: continuous, step: 1 s}
+parameters: {k: {value: 0.3 1/s, min: 0.01}, b: {value: 0.5 1/s, min: 0.01}}
+states: {h: m}
+inputs: {u: {column: u, unit: m}}
+dynamics: {h: b*u - k*h}
+outputs: {y: {column: y, unit: cm, equals: h}}
+noise: {measurement: {sd: {y: 20 cm}}}
+initial: {mean: {h: 2 m}, sd: {h: 1 m}}
+""")
+            unit = {p["name"]: p["unit"] for p in result("fit", cm, made.write("linear.csv", centimetres), "--objective", "simulation")["parameters"]}
+            self.assertEqual("cm^2", unit["var_y"])
 
     def test_held_out_rows_are_simulated_on(self):
         with Folder() as made:
