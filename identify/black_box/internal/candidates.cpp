@@ -36,6 +36,20 @@ double half_log_determinant(const MatrixXd& V) {
   return factor.matrixLLT().diagonal().array().log().sum();
 }
 
+// Of channels of unit power: what sums of their products lose by rounding. Recordings without noise leave nothing else, so
+// that outputs count as measured with noise of that power.
+constexpr double kLostByRounding = 1e-12;
+
+LaggedProducts sums_of(const ScaledRecordings& recordings, Index lags,
+                       const std::vector<MatrixXd>& states = {}) {
+  LaggedProducts out = lagged_products(recordings.y, recordings.u, lags, states);
+  for (Index lag = 0; lag <= lags; ++lag) {
+    out.gram.diagonal().segment(lag * out.channels(), out.outputs).array() +=
+        kLostByRounding * static_cast<double>(out.windows);
+  }
+  return out;
+}
+
 // Rows that have so many without a gap before them.
 Index windows_of(const ScaledRecordings& recordings, Index lags) {
   Index windows = 0;
@@ -72,7 +86,7 @@ Index suitable_lags(const ScaledRecordings& recordings, int most_order) {
 
 SubspaceStart subspace_start(const ScaledRecordings& recordings, Index lags,
                              const PredictorPrior* start) {
-  LaggedProducts sums = lagged_products(recordings.y, recordings.u, lags);
+  LaggedProducts sums = sums_of(recordings, lags);
   if (sums.windows < 2 * sums.channels()) {
     throw InputError(
         {}, fmt::format("{} rows have {} rows without a gap before them", sums.windows, lags),
@@ -103,7 +117,9 @@ MatrixXd prediction_errors(const InnovationForm& model, const ScaledRecordings& 
       count += 1.0;
     }
   }
-  return sum / std::max(count, 1.0);
+  sum /= std::max(count, 1.0);
+  sum.diagonal().array() += kLostByRounding;
+  return sum;
 }
 
 LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& recordings,
@@ -113,7 +129,7 @@ LaggedProducts sums_around(const InnovationForm& model, const ScaledRecordings& 
     states.push_back(predictor_states(model, recordings.y[k], recordings.u[k],
                                       first_state(model, recordings.y[k], recordings.u[k], lags)));
   }
-  return lagged_products(recordings.y, recordings.u, lags, states);
+  return sums_of(recordings, lags, states);
 }
 
 namespace {
@@ -122,8 +138,7 @@ namespace {
 // @param directions  of the predictor's parameters; @param last_gain  of log-likelihood, below which it ends
 InnovationForm one_search(const InnovationForm& from, const MatrixXd& directions,
                           const LaggedProducts& sums, double last_gain) {
-  MatrixXd V = prediction_error_covariance(from, sums);
-  V.diagonal() += 1e-14 * V.diagonal() + VectorXd::Constant(V.rows(), 1e-300);
+  const MatrixXd V = prediction_error_covariance(from, sums);
   if (!std::isfinite(half_log_determinant(V))) return from;
   const PredictionErrorProblem errors(sums, V);
   const VectorXd theta = predictor_parameters(from);

@@ -750,5 +750,30 @@ TEST(BlackBox, LongMemoryIsRefinedOnLongRecordingsToo) {
   std::printf("log-likelihood %.1f above that of the true model\n", gain);
 }
 
+// A slow pair sampled three hundred times a period, with and without a faster pole before it: what is left is rounding.
+TEST(BlackBox, RecordingsWithoutNoiseHaveTheirOrder) {
+  for (const int order : {2, 3}) {
+    Random random(4);
+    Record record{VectorXd(3500), VectorXd(3500)};
+    Eigen::Vector3d x = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d A{{0.9922, 0.0237, 0.0}, {-0.0237, 0.9922, 0.0}, {0.0, 0.0, 0.905}};
+    Eigen::Vector3d B(0.0, 0.02, 0.095);
+    if (order == 3) A(1, 2) = 0.02, B[1] = 0.0;
+    double left = 0.0, u = -1.0;
+    for (Index t = 0; t < record.y.size(); ++t) {
+      if (--left < 0.0) {
+        left = 160.0 + 400.0 * random.uniform();
+        u = -u;
+      }
+      record.u[t] = u;
+      record.y[t] = x[0];
+      x = (A * x + B * u).eval();
+    }
+    const BlackBoxResult result = found(record);
+    EXPECT_EQ(result.estimate.black_box.order, order);
+    EXPECT_GT(result.estimate.simulation.at(0).fit_percent, 99.999) << order;
+  }
+}
+
 }  // namespace
 }  // namespace identikal
