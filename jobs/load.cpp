@@ -15,7 +15,6 @@
 #include "identify/model/output_conditions.h"
 #include "identify/model/own_parameters.h"
 #include "identify/model/row_selection.h"
-#include "identify/model/simulation_model.h"
 #include "identify/result/file.h"
 #include "identify/result/file_digest.h"
 #include "identify/result/schema.h"
@@ -53,7 +52,7 @@ Model with_options(Model model, const ModelOptions& options, Inputs& inputs) {
   if (!options.from.empty()) {
     const StoredResult result = inputs.result(options.from);
     if (result.estimate.objective.method == kSimulationMethod) {
-      model = without_process_noise(inputs.model(options.file, FormulaReading::as_written));
+      model = simulated_in(result.estimate, inputs.model(options.file, FormulaReading::as_written));
     }
     set_values(model, result.estimate, result.path);
   }

@@ -54,15 +54,15 @@ std::string unit_squared(const std::string& unit) {
 }
 
 // A variance of its own for the errors of every output.
-ParametrisedMatrix own_variances(Model& model, const StateSpace& written) {
+ParametrisedMatrix own_variances(Model& model, const StateSpace& written, bool in_si) {
   const Index ny = written.R.rows();
   ParametrisedMatrix out = constant_matrix(MatrixXd::Zero(ny, ny));
   for (Index j = 0; j < ny; ++j) {
     const ChannelSource& output = model.outputs[static_cast<std::size_t>(j)];
     const double value = written.R(j, j) > 0.0 ? written.R(j, j) : 1.0;
-    const int unknown = add_unknown(
-        model.parameters, "var_" + output.name,
-        output.transform == Transform::none ? unit_squared(output.unit) : "", value, 0.0);
+    const bool has_unit = !in_si && output.transform == Transform::none;
+    const int unknown = add_unknown(model.parameters, kVarianceName + output.name,
+                                    has_unit ? unit_squared(output.unit) : "", value, 0.0);
     out.entries.push_back({static_cast<int>(j), static_cast<int>(j), unknown, 1.0});
   }
   return out;
@@ -136,7 +136,7 @@ void fix_unused(Model& model) {
 
 }  // namespace
 
-Model without_process_noise(Model model) {
+Model without_process_noise(Model model, bool all_in_si) {
   if (!is_formula_model(model) || as_formulas(model).linear) {
     throw InputError({model.source, 0, 0}, "the objective 'simulation' belongs to formulas",
                      "states, dynamics and outputs as formulas",
@@ -151,7 +151,9 @@ Model without_process_noise(Model model) {
   LinearModel& noise = noise_model(model);
   const StateSpace written = written_matrices(noise, model.parameters);
   noise.Q = constant_matrix(MatrixXd::Zero(written.Q.rows(), written.Q.cols()));
-  if (!has_own_variances(model)) noise.R = own_variances(model, written);
+  if (all_in_si || !has_own_variances(model)) {
+    noise.R = own_variances(model, written, all_in_si);
+  }
   fix_unused(model);
   return model;
 }

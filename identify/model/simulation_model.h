@@ -9,15 +9,19 @@
 
 namespace identikal {
 
+/// How the variance of an output's errors is called: var_OUTPUT.
+inline constexpr const char* kVarianceName = "var_";
 /// How an unknown start is called: STATE_start, of the second recording STATE_start_2.
 inline constexpr const char* kStartName = "_start";
 
 /// The model without process noise, from the start that the file gives: what moves the state are that
 /// and the inputs alone. The errors of each output have a variance of their own, as the file names it,
-/// or var_OUTPUT. Parameters that have no part in it any more are fixed at zero.
+/// as a variance or a standard deviation, or var_OUTPUT. Parameters that have no part in it any more are fixed at zero.
 /// @param model  of formulas, read as they are written (FormulaReading::as_written)
+/// @param all_in_si  every output has a var_OUTPUT, in SI, whatever the file names: as results of earlier
+///                   programs have it
 /// @throws InputError for another model
-Model without_process_noise(Model model);
+Model without_process_noise(Model model, bool all_in_si = false);
 
 /// The same where the start of every recording is unknown in the states that the file gives a standard
 /// deviation there.

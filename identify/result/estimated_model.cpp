@@ -11,7 +11,6 @@
 #include "identify/model/included_files.h"
 #include "identify/model/model_file.h"
 #include "identify/model/model_values.h"
-#include "identify/model/simulation_model.h"
 #include "identify/model/yaml_reader.h"
 #include "identify/result/file_digest.h"
 #include "identify/result/values.h"
@@ -52,7 +51,7 @@ Model started_model(const StoredEstimate& result, const std::string& path) {
   const ModelSource& file = *result.model_file;
   const YamlNode root = parse_with_included(file.text, file.path, read);
   if (result.objective.method != kSimulationMethod) return model_of(root, file.path);
-  return without_process_noise(model_of(root, file.path, FormulaReading::as_written));
+  return simulated_in(result, model_of(root, file.path, FormulaReading::as_written));
 }
 
 // What takes the place of a part of a text, or is inserted before it.

@@ -17,6 +17,17 @@
 
 namespace identikal {
 
+Model simulated_in(const Estimate& result, Model model) {
+  bool any = false, all_in_si = true;
+  for (const EstimatedParameter& p : result.parameters) {
+    const bool is_made =
+        p.name.starts_with(kVarianceName) && find_parameter(model.parameters, p.name) < 0;
+    any = any || is_made;
+    all_in_si = all_in_si && !(is_made && !p.unit.empty());
+  }
+  return without_process_noise(std::move(model), any && all_in_si);
+}
+
 void set_values(Model& model, const Estimate& result, const std::string& path) {
   const Location here{path, 0, 0};
   const std::string hint = "a result of this model, as '-o' wrote it";

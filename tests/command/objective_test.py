@@ -1,4 +1,5 @@
 """fit --objective simulation: formulas fitted to what they do on their own."""
+import json
 import math
 import random
 import unittest
@@ -102,6 +103,22 @@ initial: {mean: {h: 2 m}, sd: {h: 1 m}}
 """)
             unit = {p["name"]: p["unit"] for p in result("fit", cm, made.write("linear.csv", centimetres), "--objective", "simulation")["parameters"]}
             self.assertEqual("cm^2", unit["var_y"])
+
+    def test_a_result_of_before_is_read(self):
+        by_sd = TANK.replace("r: {value: 1e-4, min: 0}", "r: {value: 0.02, min: 0}").replace("variance: {y: r}", "sd: {y: r}")
+        with Folder() as made:
+            model, one, two = made.write("tank.yaml", by_sd), made.write("one.csv", tank(300, 1, 1)), made.write("two.csv", tank(300, 3, 2))
+            run("fit", model, one, "--objective", "simulation", "-o", made.path / "fitted")
+            now = result("validate", made.path / "fitted", two)
+            written = made.path / "fitted" / "result.json"
+            found = json.loads(written.read_text())
+            size = next(p for p in found["parameters"] if p["name"] == "r")
+            found["parameters"].append(size | {"name": "var_y", "unit": "", "value": size["value"] ** 2})
+            size |= {"value": 0.0, "fixed": True}
+            written.write_text(json.dumps(found))
+            before = result("validate", made.path / "fitted", two)
+            self.assertEqual(now["status"], before["status"])
+            self.assertAlmostEqual(now["objective"]["log_likelihood"], before["objective"]["log_likelihood"], delta=1e-6)
 
     def test_held_out_rows_are_simulated_on(self):
         with Folder() as made:

@@ -36,8 +36,8 @@ double half_log_determinant(const MatrixXd& V) {
   return factor.matrixLLT().diagonal().array().log().sum();
 }
 
-// Of channels of unit power: what sums of their products lose by rounding. Recordings without noise leave nothing else, so
-// that outputs count as measured with noise of that power.
+// Of channels of unit power, safely above what sums of their products lose by rounding, which is all that recordings without
+// noise leave: outputs count as measured with noise of that power.
 constexpr double kLostByRounding = 1e-12;
 
 LaggedProducts sums_of(const ScaledRecordings& recordings, Index lags,
